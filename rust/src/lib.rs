@@ -1,0 +1,1 @@
+//! Euler-Lagrange dynamics of constant-curvature, pneumatic bellows arms.
