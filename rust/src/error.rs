@@ -29,6 +29,9 @@ pub enum Error {
         /// What happened and what may help.
         reason: String,
     },
+    /// The caller asked to stop.
+    #[error("interrupted")]
+    Interrupted,
     /// An iteration did not converge.
     #[error("{0}")]
     Convergence(String),

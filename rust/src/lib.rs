@@ -21,7 +21,13 @@ pub mod arm;
 pub mod dynamics;
 pub mod error;
 pub mod forces;
+pub mod input;
+pub mod integrate;
 pub mod kinematics;
 pub mod linear;
 pub mod parameters;
+pub mod plant;
+#[cfg(feature = "python")]
+mod python;
 pub mod real;
+pub mod simulate;

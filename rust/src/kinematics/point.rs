@@ -97,24 +97,23 @@ mod tests {
     proptest! {
         #[test]
         fn jacobian_is_the_derivative_of_the_pose(arm in arms(), seed in states(), fraction in 0.0..=1.0_f64, which in 0..5_usize) {
-            let n = arm.coordinates();
             let q = seed.lengths(&arm);
             let section = which % arm.sections.len();
             let offset = Vec3([0.02, -0.01, 0.03]);
             let mut links = vec![Link::base(); arm.sections.len()];
             pass(&arm, &q, &[], Motion::Pose, &mut links);
-            let mut columns = vec![[Vec3::zero(); 2]; n];
+            let mut columns = vec![[Vec3::zero(); 2]; arm.coordinates()];
             jacobian(&arm, &links, &Point { section, fraction, offset }, &mut columns);
             let lifted = arm.lift::<Dual<1>>();
-            for j in 0..n {
+            for (j, column) in columns.iter().enumerate() {
                 let dual: Vec<_> = q.iter().enumerate().map(|(k, &x)| Dual::<1>::variable(x, usize::from(k != j))).collect();
                 let mut links = vec![Link::base(); arm.sections.len()];
                 pass(&lifted, &dual, &[], Motion::Pose, &mut links);
                 let point = Point { section, fraction, offset: Vec3::from_f64(offset.0) };
                 let (rotation, position) = pose(&lifted, &links, &point);
-                let turn = Mat3::cross_matrix(columns[j][1]);
+                let turn = Mat3::cross_matrix(column[1]);
                 for a in 0..3 {
-                    prop_assert!((position.0[a].derivative[0] - columns[j][0].0[a]).abs() < 1e-11);
+                    prop_assert!((position.0[a].derivative[0] - column[0].0[a]).abs() < 1e-11);
                     for b in 0..3 {
                         let expected: f64 = (0..3).map(|c| turn.0[a][c] * rotation.0[c][b].value).sum();
                         prop_assert!((rotation.0[a][b].derivative[0] - expected).abs() < 1e-10);

@@ -31,9 +31,9 @@ impl<const N: usize> Dual<N> {
 
     #[inline(always)]
     fn zip(self, rhs: Self, value: f64, f: impl Fn(f64, f64) -> f64) -> Self {
-        let mut derivative = [0.0; N];
-        for j in 0..N {
-            derivative[j] = f(self.derivative[j], rhs.derivative[j]);
+        let mut derivative = self.derivative;
+        for (d, r) in derivative.iter_mut().zip(&rhs.derivative) {
+            *d = f(*d, *r);
         }
         Self { value, derivative }
     }
@@ -58,6 +58,7 @@ impl<const N: usize> Sub for Dual<N> {
 impl<const N: usize> Mul for Dual<N> {
     type Output = Self;
     #[inline(always)]
+    #[allow(clippy::suspicious_arithmetic_impl)] // the product rule has a sum
     fn mul(self, rhs: Self) -> Self {
         self.zip(rhs, self.value * rhs.value, |a, b| a * rhs.value + b * self.value)
     }
