@@ -42,3 +42,11 @@ class ConvergenceError(BhaError, RuntimeError):
 
 class MissingExtraError(BhaError, ImportError):
     """A feature needs an optional dependency. The text gives the pip command that installs it."""
+
+
+class ParameterWarning(UserWarning):
+    """A parameter file is valid, but a value in it is physically implausible. The text says which and why."""
+
+
+class LogWarning(UserWarning):
+    """A measured log is readable, but something about it deserves a look. The text says what."""

@@ -1,0 +1,117 @@
+"""The arm: what a parameter file says, and the model computed from it by the core."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, Self
+
+from bha import _core
+from bha.parameters import ArmParameters, ForceModel
+
+
+class Arm(_core.Arm):
+    """An arm, immutable. The numerical methods are those of the core and are inherited as they are.
+
+    Create one with :meth:`load`, :func:`bha.robots.load` or :meth:`from_parameters`.
+    """
+
+    __slots__ = ("_parameters",)
+    _parameters: ArmParameters
+
+    def __new__(cls, parameters: ArmParameters) -> Self:
+        """Build the model of ``parameters``; the same as :meth:`from_parameters`."""
+        self = super().__new__(cls, parameters.to_core_json())
+        self._parameters = parameters
+        return self
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a parameter file (TOML, schema ``bha-arm/1``).
+
+        Raises:
+            ParameterError: the file is missing or not valid; the text names file, line, key, what was
+                found and what is allowed.
+        """
+        return cls(ArmParameters.read(path))
+
+    @classmethod
+    def from_parameters(cls, parameters: ArmParameters) -> Self:
+        """The arm of given parameters."""
+        return cls(parameters)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the parameter file, whole or not at all, with provenance; comments of the file it came from are kept.
+
+        Raises:
+            InputError: the folder does not exist.
+        """
+        self._parameters.write(path)
+
+    @property
+    def parameters(self) -> ArmParameters:
+        """Everything the parameter file says, with where each value comes from."""
+        return self._parameters
+
+    @property
+    def name(self) -> str:
+        """Name of the arm."""
+        return self._parameters.name
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the pressure inputs, in the order in which every pressure vector has them."""
+        return self._parameters.inputs
+
+    @property
+    def section_count(self) -> int:
+        """Number of sections, n; the coordinates are 3n."""
+        return len(self._parameters.sections)
+
+    def with_changes(
+        self,
+        *,
+        name: str | None = None,
+        gravity: Sequence[float] | None = None,
+        ambient_pressure: float | None = None,
+        force_model: ForceModel | None = None,
+        rotational_energy: bool | None = None,
+        coriolis_forces: bool | None = None,
+    ) -> Self:
+        """A new arm with some of the values and switches of the whole arm changed; what is None stays.
+
+        Raises:
+            ParameterError: a value that is not allowed.
+        """
+        changes: dict[str, Any] = {
+            "name": name,
+            "gravity": None if gravity is None else [float(entry) for entry in gravity],
+            "ambient_pressure": ambient_pressure,
+            "force_model": force_model,
+            "rotational_energy": rotational_energy,
+            "coriolis_forces": coriolis_forces,
+        }
+        changes = {key: value for key, value in changes.items() if value is not None}
+        return type(self)(self._parameters.updated(changes))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[ArmParameters]]:
+        """Pickle as the parameters; the model is built again from them."""
+        return (type(self), (self._parameters,))
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all parameters and their provenance are equal."""
+        if not isinstance(other, Arm):
+            return NotImplemented
+        return self._parameters == other._parameters
+
+    def __hash__(self) -> int:
+        """Hash of the values the model computes with."""
+        return hash(self._parameters)
+
+    def __repr__(self) -> str:
+        """Name, sections, inputs and force model in one line."""
+        count = self.section_count
+        return (
+            f"<Arm {self.name!r}: {count} section{'s' if count != 1 else ''}, {len(self.inputs)} inputs, "
+            f"{self._parameters.force_model}>"
+        )

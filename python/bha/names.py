@@ -1,0 +1,72 @@
+"""Names of the quantities of an arm in tables and files: one place, so that what is written can be read back.
+
+A name is a short prefix followed by the section number and, where a section has several, the bellows (or input)
+number, both counted from 1: ``q11`` is the length of bellows 1 of section 1. Where either number has two digits an
+underscore keeps them apart: ``q10_1``, ``p1_12``. A column of a file is a name with its unit in brackets: ``q11 [m]``.
+
+=========================  ===============  ====
+quantity                   name             SI
+=========================  ===============  ====
+time                       ``t``            s
+bellows length             ``q11``          m
+bellows velocity           ``qd11``         m/s
+pressure, measured         ``p11``          Pa
+pressure, commanded        ``pc11``         Pa
+head position, base frame  ``x1 y1 z1``     m
+external force             ``fx1 fy1 fz1``  N
+=========================  ===============  ====
+"""
+
+from __future__ import annotations
+
+TIME = "t"
+AXES = ("x", "y", "z")
+
+
+def length_name(section: int, bellows: int) -> str:
+    """Name of a bellows length, ``q11``; sections and bellows count from 1."""
+    return "q" + _pair(section, bellows)
+
+
+def velocity_name(section: int, bellows: int) -> str:
+    """Name of the time derivative of a bellows length, ``qd11``."""
+    return "qd" + _pair(section, bellows)
+
+
+def pressure_name(section: int, number: int) -> str:
+    """Name of a measured pressure, ``p11``; ``number`` is that of the bellows or of the pressure input."""
+    return "p" + _pair(section, number)
+
+
+def commanded_pressure_name(section: int, number: int) -> str:
+    """Name of a commanded pressure, ``pc11``; numbered like the measured one."""
+    return "pc" + _pair(section, number)
+
+
+def position_names(section: int) -> tuple[str, str, str]:
+    """Names of the head position of a section in the base frame, ``("x1", "y1", "z1")``."""
+    _check(section, "section")
+    return (f"x{section}", f"y{section}", f"z{section}")
+
+
+def force_names(section: int) -> tuple[str, str, str]:
+    """Names of the external force on a section in the base frame, ``("fx1", "fy1", "fz1")``."""
+    _check(section, "section")
+    return (f"fx{section}", f"fy{section}", f"fz{section}")
+
+
+def column(name: str, unit: str) -> str:
+    """The heading of a column: ``column("q11", "m")`` is ``"q11 [m]"``."""
+    return f"{name} [{unit}]"
+
+
+def _pair(section: int, number: int) -> str:
+    _check(section, "section")
+    _check(number, "bellows or input")
+    separator = "_" if section > 9 or number > 9 else ""
+    return f"{section}{separator}{number}"
+
+
+def _check(number: int, what: str) -> None:
+    if number < 1:
+        raise ValueError(f"{what} number {number}: numbers count from 1")

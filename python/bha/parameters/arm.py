@@ -1,0 +1,245 @@
+"""The parameter file of an arm: its top-level table, reading, writing, and the JSON that the core is built from."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Self, get_args
+
+from pydantic import PrivateAttr, ValidationError, model_validator
+
+from bha.errors import ParameterError, ParameterWarning
+from bha.files import written_whole
+from bha.parameters import messages
+from bha.parameters.base import NotNegative, Switch, Table, Vector3, key
+from bha.parameters.document import merged_toml
+from bha.parameters.provenance import ASSUMED, Provenance, ProvenanceTable, check_provenance, provenance_key
+from bha.parameters.section import SectionParameters
+
+SCHEMA = "bha-arm/1"
+ForceModel = Literal["end_force", "work_conjugate"]
+
+# Tables of effects ([[effect]]: kind, where, named numbers) will become a key of ArmParameters beside `sections`,
+# with the names that the core's registry of effects knows; until then they are unknown keys, hence errors.
+
+
+@dataclass(frozen=True)
+class StatedValue:
+    """One value of a parameter file with where it comes from.
+
+    Attributes:
+        section: number of its section, from 1; None for values of the whole arm.
+        bellows: number of its bellows within the section, from 1; None for values of the section.
+        key: its name in the file.
+        value: number, text, switch or tuple of numbers.
+        unit: unit of the value as text, empty where it has none.
+        provenance: where it comes from; assumed where the file does not say.
+    """
+
+    section: int | None
+    bellows: int | None
+    key: str
+    value: Any
+    unit: str
+    provenance: Provenance
+
+
+class ArmParameters(Table):
+    """Everything a parameter file says. Immutable; compare with ``==``.
+
+    Read one with :meth:`read`, change one with :meth:`updated`, write it with :meth:`write`.
+    """
+
+    schema_name: Literal["bha-arm/1"] = key(f'"{SCHEMA}"', alias="schema")
+    name: str = key("a text of 1 to 200 characters", min_length=1, max_length=200)
+    gravity: Vector3 = key("[x, y, z], numbers (m/s^2), in the base frame", unit="m/s^2")
+    ambient_pressure: NotNegative = key("a number >= 0 (Pa)", unit="Pa")
+    force_model: ForceModel = key(" or ".join(f'"{name}"' for name in get_args(ForceModel)), default="end_force")
+    rotational_energy: Switch = key("true or false", default=True)
+    coriolis_forces: Switch = key("true or false", default=True)
+    provenance: ProvenanceTable = provenance_key()
+    sections: tuple[SectionParameters, ...] = key(
+        "one [[section]] table, in double brackets, per section of the arm", alias="section", min_length=1
+    )
+
+    # The text this was read from: writing back keeps its comments and order.
+    _toml: str | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        stated = {name: value for name, value in self if name not in ("schema_name", "name", "sections", "provenance")}
+        check_provenance(self.provenance, stated)
+        return self
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all values and their provenance are equal; comments and order of the file do not matter."""
+        if not isinstance(other, ArmParameters):
+            return NotImplemented
+        return self.__dict__ == other.__dict__
+
+    def __hash__(self) -> int:
+        """Hash of the values the model computes with."""
+        return hash(self.to_core_json())
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a parameter file.
+
+        Raises:
+            ParameterError: the file is missing, not TOML or not valid. The text lists every fault, each with file,
+                line, key, what was found and what is allowed.
+        """
+        try:
+            content = Path(path).read_bytes()
+        except OSError as error:
+            raise ParameterError(messages.unreadable(path, error)) from error
+        try:
+            text = content.decode()
+        except UnicodeDecodeError as error:
+            raise ParameterError(f"{path}: not a TOML file: byte {error.start} is not UTF-8 text") from error
+        return cls.from_toml(text, origin=os.fspath(path))
+
+    @classmethod
+    def from_toml(cls, text: str, *, origin: str = "<text>") -> Self:
+        """Like :meth:`read`, from the text of a parameter file; errors name ``origin`` as the file."""
+        text = text.removeprefix("\ufeff").replace("\r\n", "\n")
+        try:
+            mapping = tomllib.loads(text)
+        except (tomllib.TOMLDecodeError, RecursionError) as error:
+            raise ParameterError(messages.not_toml(origin, text, error)) from error
+        parameters = cls.from_mapping(mapping, origin=origin, text=text)
+        parameters._toml = text
+        return parameters
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], *, origin: str = "<mapping>", text: str | None = None) -> Self:
+        """Build from the nested mapping that a parameter file amounts to.
+
+        Args:
+            mapping: keys as in the file; lists may be lists or tuples.
+            origin: what errors name as the file.
+            text: the file's text, so that errors can name lines.
+
+        Raises:
+            ParameterError: as for :meth:`read`.
+
+        Warns:
+            ParameterWarning: a value is allowed, but physically impossible.
+        """
+        if mapping.get("schema") != SCHEMA:
+            raise ParameterError(messages.wrong_schema(origin, mapping, SCHEMA))
+        try:
+            parameters = cls.model_validate(mapping)
+        except ValidationError as error:
+            raise ParameterError(messages.invalid(origin, error, cls, mapping, text)) from error
+        for number, section in enumerate(parameters.sections, start=1):
+            if implausible := section.implausible():
+                warnings.warn(f"{origin}: section {number}: {implausible}", ParameterWarning, stacklevel=2)
+        return parameters
+
+    def updated(self, changes: Mapping[str, Any]) -> Self:
+        """A copy with top-level keys changed; comments and order of the file it came from are kept.
+
+        Raises:
+            ParameterError: an unknown key or a value that is not allowed.
+        """
+        parameters = self.from_mapping({**self.to_mapping(), **changes}, origin=self.name)
+        parameters._toml = self._toml
+        return parameters
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The nested mapping that the file amounts to: what was stated, nothing that is left to defaults."""
+        mapping = _stated_mapping(self, {"provenance", "sections"})
+        tables: list[dict[str, Any]] = []
+        for section in self.sections:
+            table = _stated_mapping(section, {"provenance", "bellows"})
+            if section.provenance:
+                table["provenance"] = _provenance_mapping(section.provenance)
+            if section.bellows is not None:
+                table["bellows"] = [
+                    _stated_mapping(bellows, {"provenance"})
+                    | ({"provenance": _provenance_mapping(bellows.provenance)} if bellows.provenance else {})
+                    for bellows in section.bellows
+                ]
+            tables.append(table)
+        if self.provenance:
+            mapping["provenance"] = _provenance_mapping(self.provenance)
+        mapping["section"] = tables
+        return mapping
+
+    def to_toml(self) -> str:
+        """The text of the parameter file; comments and order of the file it was read from are kept."""
+        return merged_toml(self.to_mapping(), self._toml)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the parameter file, whole or not at all.
+
+        Raises:
+            InputError: the folder does not exist.
+        """
+        with written_whole(path) as temporary:
+            temporary.write_text(self.to_toml(), encoding="utf-8", newline="\n")
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the pressure inputs in the order in which they first appear."""
+        names = (b.input for number, s in enumerate(self.sections, start=1) for b in s.resolved_bellows(number))
+        return tuple(dict.fromkeys(names))
+
+    def to_core_json(self) -> str:
+        """Everything the core computes with, as JSON, every default and inherited value filled in; inputs by index."""
+        index = {name: i for i, name in enumerate(self.inputs)}
+        sections = [
+            {
+                "mass": section.mass,
+                "inertia": section.resolved_inertia(),
+                "center_of_mass": section.center_of_mass,
+                "bellows_radius": section.bellows_radius,
+                "base_offset": section.base_offset,
+                "head_offset": section.head_offset,
+                "bending_stiffness": (*section.bending_stiffness, 0.0)[:2],
+                "length_range": section.length_range,
+                "bellows": [{**vars(b), "input": index[b.input]} for b in section.resolved_bellows(number)],
+            }
+            for number, section in enumerate(self.sections, start=1)
+        ]
+        core = {
+            "name": self.name,
+            "gravity": self.gravity,
+            "ambient_pressure": self.ambient_pressure,
+            "force_model": self.force_model,
+            "rotational_energy": self.rotational_energy,
+            "coriolis_forces": self.coriolis_forces,
+            "inputs": self.inputs,
+            "section": sections,
+        }
+        return json.dumps(core, allow_nan=False)
+
+    def stated_values(self) -> Iterator[StatedValue]:
+        """Every value the file states, in its order of tables, with where it comes from."""
+        yield from _stated(self, None, None, {"schema_name", "name", "sections", "provenance"})
+        for number, section in enumerate(self.sections, start=1):
+            yield from _stated(section, number, None, {"bellows", "provenance"})
+            for place, bellows in enumerate(section.bellows or (), start=1):
+                yield from _stated(bellows, number, place, {"provenance"})
+
+
+def _stated(table: Any, section: int | None, bellows: int | None, skip: set[str]) -> Iterator[StatedValue]:
+    for name, field in type(table).model_fields.items():
+        if name in table.model_fields_set and name not in skip and getattr(table, name) is not None:
+            provenance = table.provenance.get(name, ASSUMED)
+            unit = field.json_schema_extra["unit"]
+            yield StatedValue(section, bellows, name, getattr(table, name), unit, provenance)
+
+
+def _stated_mapping(table: Table, skip: set[str]) -> dict[str, Any]:
+    return table.model_dump(mode="json", exclude_unset=True, exclude_none=True, by_alias=True, exclude=skip)
+
+
+def _provenance_mapping(entries: Mapping[str, Provenance]) -> dict[str, Any]:
+    return {name: entry.to_mapping() for name, entry in entries.items()}

@@ -1,0 +1,55 @@
+"""What the tables of a parameter file have in common: the strict model and the types of its values.
+
+Every field states its ``unit`` and, as its description, the values that are allowed; error texts and ``bha info`` are
+made from these, so that they cannot disagree with the check.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+# Strict: the text "1.5" or the switch true is a mistake where a number belongs, not a number.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Switch = Annotated[bool, Field(strict=True)]
+Vector3 = tuple[Number, Number, Number]
+
+
+def _increasing(limits: tuple[float, float]) -> tuple[float, float]:
+    if limits[0] >= limits[1]:
+        message = "the range is empty, {low} is not below {high}"
+        raise PydanticCustomError("bha_range", message, {"low": limits[0], "high": limits[1]})
+    return limits
+
+
+PositiveRange = Annotated[tuple[Positive, Positive], AfterValidator(_increasing)]
+NotNegativeRange = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_increasing)]
+Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=8)]
+
+
+class Table(BaseModel):
+    """One table of a parameter file: immutable, every key known."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def key(allowed: str, *, unit: str = "", default: Any = ..., alias: str | None = None, **limits: Any) -> Any:
+    """Declare a key of a table: the values it allows, in words, and its unit."""
+    return Field(default, description=allowed, alias=alias, json_schema_extra={"unit": unit}, **limits)
+
+
+def table_error(message: str, at: str = "") -> PydanticCustomError:
+    """An error found by comparing values of one table; ``at`` is the key to blame (dotted in a subtable), if any."""
+    return PydanticCustomError("bha_table", "{message}", {"message": message, "key": at})
+
+
+def nearest(name: str, allowed: Sequence[str]) -> str:
+    """``; nearest allowed: 'mass'``, or all that is allowed where nothing is near."""
+    near = difflib.get_close_matches(name.lower(), allowed, n=1, cutoff=0.6)
+    return f"; nearest allowed: {near[0]!r}" if near else f"; allowed: {', '.join(allowed)}"

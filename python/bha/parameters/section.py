@@ -1,0 +1,135 @@
+"""One section of the arm.
+
+Frames: the section's base frame is the head frame of the section before it (the arm's base for the first). Along z
+follow a rigid piece of length ``base_offset``, the bending part, whose length is the mean of the three bellows
+lengths, and a rigid piece of length ``head_offset``; the head frame is at the end of the latter. ``center_of_mass`` is
+given in the head frame.
+
+Source: Falkenhahn et al. 2015, sections II and IV; inertia (56). The offsets, the free layout of bellows and the
+cubic term of the bending moment go beyond the paper.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Self, TypeVar
+
+import numpy as np
+from pydantic import model_validator
+
+from bha.names import pressure_name
+from bha.parameters.base import (
+    NotNegative,
+    NotNegativeRange,
+    Number,
+    Polynomial,
+    Positive,
+    PositiveRange,
+    Table,
+    Vector3,
+    key,
+    table_error,
+)
+from bha.parameters.bellows import STIFFNESS_ALLOWED, BellowsParameters, ResolvedBellows
+from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key
+
+T = TypeVar("T")
+
+STANDARD_ANGLES_DEG = (0.0, 120.0, 240.0)
+
+
+class SectionParameters(Table):
+    """A ``[[section]]`` table."""
+
+    mass: Positive = key("a number > 0 (kg)", unit="kg")
+    inertia: tuple[NotNegative, NotNegative, NotNegative] | None = key(
+        "[Jx, Jy, Jz], numbers >= 0 (kg m^2), about the centre of mass in the head frame", unit="kg m^2", default=None
+    )
+    center_of_mass: Vector3 = key("[x, y, z], numbers (m), in the head frame", unit="m", default=(0.0, 0.0, 0.0))
+    bellows_radius: Positive = key("a number > 0 (m): distance of the three lengths from the centre line", unit="m")
+    bellows_outer_radius: Positive | None = key(
+        "a number > 0 (m): radius of one bellows; needed where inertia is left out", unit="m", default=None
+    )
+    terminal_area: Positive = key("a number > 0 (m^2)", unit="m^2")
+    rest_length: Positive = key("a number > 0 (m)", unit="m")
+    stiffness: Polynomial = key(STIFFNESS_ALLOWED, unit="N/m^k")
+    damping: NotNegative = key("a number >= 0 (N s/m)", unit="N s/m")
+    bending_stiffness: tuple[Number, ...] = key(
+        "[k1] or [k1, k3]: bending moment = k1 psi + k3 psi^3 (N m, N m)", unit="N m", min_length=1, max_length=2
+    )
+    length_range: PositiveRange = key("[shortest, longest], 0 < shortest < longest (m)", unit="m")
+    pressure_range: NotNegativeRange = key("[lowest, highest], absolute, 0 <= lowest < highest (Pa)", unit="Pa")
+    base_offset: NotNegative = key("a number >= 0 (m): rigid piece before the bellows", unit="m", default=0.0)
+    head_offset: NotNegative = key("a number >= 0 (m): rigid piece after the bellows", unit="m", default=0.0)
+    bellows: tuple[BellowsParameters, ...] | None = key(
+        "1 to 12 [[section.bellows]] tables, in double brackets", default=None, min_length=1, max_length=12
+    )
+    provenance: ProvenanceTable = provenance_key()
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        stated = {name: value for name, value in self if value is not None and name not in ("bellows", "provenance")}
+        check_provenance(self.provenance, stated)
+        if self.inertia is None and self.bellows_outer_radius is None:
+            message = "missing; give inertia, or bellows_outer_radius so that (56) gives the inertia"
+            raise table_error(message, "inertia")
+        self._check_layout()
+        return self
+
+    def _check_layout(self) -> None:
+        """Every motion of the section must be held by some bellows or by its bending stiffness.
+
+        Only the layout is judged: springs of zero stiffness are a decision, bellows in one line an oversight.
+        """
+        places = [(b.radius / self.bellows_radius, b.angle) for b in self.resolved_bellows(1)]
+        # How the lengths of the bellows follow from the three degrees of freedom of the section.
+        rows = [(radius * math.cos(angle), radius * math.sin(angle), 1.0) for radius, angle in places]
+        if any(k != 0.0 for k in self.bending_stiffness):
+            rows += [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+        if np.linalg.matrix_rank(np.array(rows), tol=1e-9) < 3:
+            raise table_error(
+                f"the {len(rows)} bellows leave the section free to bend in some direction: they sit in one line or "
+                "one place and bending_stiffness is zero; allowed: bellows not all in one line, or a bending stiffness",
+                "bellows",
+            )
+
+    def resolved_inertia(self) -> tuple[float, float, float]:
+        """Moments of inertia (Jx, Jy, Jz) in the head frame, kg m^2; those of (56) where the file leaves them out."""
+        if self.inertia is not None:
+            return self.inertia
+        assert self.bellows_outer_radius is not None
+        radius_squared = (self.bellows_radius + self.bellows_outer_radius) ** 2
+        mean_length = sum(self.length_range) / 2
+        lateral = self.mass * (radius_squared / 4 + mean_length**2 / 12)
+        return (lateral, lateral, self.mass * radius_squared / 2)
+
+    def implausible(self) -> str | None:
+        """What is allowed in this section, but physically impossible; None if nothing is."""
+        moments = self.resolved_inertia()
+        smallest, middle, largest = sorted(moments)
+        if largest <= (smallest + middle) * (1 + 1e-9):
+            return None
+        return (
+            f"inertia: found {list(moments)}, which no rigid body has: the largest moment exceeds the sum of the other "
+            "two; check the order [Jx, Jy, Jz] and the unit (kg m^2)"
+        )
+
+    def resolved_bellows(self, section: int) -> tuple[ResolvedBellows, ...]:
+        """The bellows with every inherited value filled in; input names are made from the number ``section``."""
+        stated = self.bellows or tuple(BellowsParameters(angle_deg=angle) for angle in STANDARD_ANGLES_DEG)
+        return tuple(
+            ResolvedBellows(
+                angle=bellows.angle_rad,
+                radius=_inherit(bellows.radius, self.bellows_radius),
+                terminal_area=_inherit(bellows.terminal_area, self.terminal_area),
+                rest_length=_inherit(bellows.rest_length, self.rest_length),
+                stiffness=_inherit(bellows.stiffness, self.stiffness),
+                damping=_inherit(bellows.damping, self.damping),
+                input=_inherit(bellows.input, pressure_name(section, number)),
+            )
+            for number, bellows in enumerate(stated, start=1)
+        )
+
+
+def _inherit(own: T | None, inherited: T) -> T:
+    return inherited if own is None else own
