@@ -19,6 +19,8 @@ external force             ``fx1 fy1 fz1``  N
 
 from __future__ import annotations
 
+from bha.errors import InputError
+
 TIME = "t"
 AXES = ("x", "y", "z")
 
@@ -69,4 +71,4 @@ def _pair(section: int, number: int) -> str:
 
 def _check(number: int, what: str) -> None:
     if number < 1:
-        raise ValueError(f"{what} number {number}: numbers count from 1")
+        raise InputError(f"{what} number is {number}; numbers count from 1")
