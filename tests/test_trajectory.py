@@ -77,6 +77,8 @@ def test_names() -> None:
     assert names.force_names(3) == ("fx3", "fy3", "fz3")
     every = [names.length_name(section, number) for section in range(1, 120) for number in range(1, 120)]
     assert len(set(every)) == len(every)
+    inputs = [("p11", 1), ("pc23", 2), ("p3_12", 3), ("p10_1", 10), ("p111", None), ("valve", None), ("p01", None)]
+    assert [names.section_of_pressure(name) for name, _ in inputs] == [section for _, section in inputs]
     with pytest.raises(InputError, match="section number is 0"):
         names.length_name(0, 1)
 
