@@ -14,6 +14,7 @@
 //! | (48) solved for q'' or tau, (58)-(61) | [`dynamics::recursion`] |
 //! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
 //! | (62) statics | [`dynamics::statics`] |
+//! | (25) pressures, from command to chamber | [`pneumatics`] |
 //!
 //! Arrows: simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
 
@@ -27,6 +28,7 @@ pub mod kinematics;
 pub mod linear;
 pub mod parameters;
 pub mod plant;
+pub mod pneumatics;
 #[cfg(feature = "python")]
 mod python;
 pub mod real;

@@ -9,6 +9,7 @@ use crate::integrate::{Integrator, Options, Statistics};
 use crate::kinematics::chain::{Motion, pass};
 use crate::linear::Vec3;
 use crate::plant::Plant;
+use crate::pneumatics::LONGEST_STEP;
 use std::sync::Arc;
 
 /// A simulation under way; [`Simulation::advance`] may be called again and again.
@@ -27,7 +28,7 @@ pub struct Rows {
     pub lengths: Vec<f64>,
     /// Their rates, 3n a row, m/s.
     pub velocities: Vec<f64>,
-    /// Pressures, one an input a row, Pa.
+    /// Acting pressures, one an input a row, Pa.
     pub pressures: Vec<f64>,
     /// Origins of the heads in the base frame, 3n a row, m.
     pub head_positions: Vec<f64>,
@@ -43,7 +44,7 @@ impl Simulation {
     pub fn new(
         arm: Arc<Arm>,
         input: Arc<Input>,
-        options: Options,
+        mut options: Options,
         start: f64,
         q: Option<&[f64]>,
         qd: Option<&[f64]>,
@@ -59,10 +60,10 @@ impl Simulation {
             }
         }
         let rest;
+        let p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
         let q = match q {
             Some(q) => q,
             None => {
-                let p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
                 let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
                 let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
                 rest = static_lengths(&arm, &p, f.as_deref(), None)?;
@@ -72,7 +73,12 @@ impl Simulation {
         let mut x = q.to_vec();
         x.extend_from_slice(qd.unwrap_or(&vec![0.0; n]));
         let ws = Workspace::new(&arm);
-        Ok(Self { integrator: Integrator::new(options, start, &x), plant: Plant::new(arm, input), ws, cursor })
+        let plant = Plant::new(arm, input).with_pneumatics(&x[..n], &p);
+        if plant.has_pneumatics() {
+            options.step = options.step.min(LONGEST_STEP);
+            options.max_step = options.max_step.min(LONGEST_STEP);
+        }
+        Ok(Self { integrator: Integrator::new(options, start, &x), plant, ws, cursor })
     }
 
     /// Goes on to the last of `times` (ascending, not before the present time) and returns a row at each.
@@ -82,6 +88,7 @@ impl Simulation {
         let Self { plant, integrator, ws, cursor } = self;
         let (arm, input) = (plant.arm.clone(), plant.input.clone());
         let n = arm.coordinates();
+        let commanded = !plant.has_pneumatics();
         let mut rows = Rows {
             lengths: Vec::with_capacity(times.len() * n),
             velocities: Vec::with_capacity(times.len() * n),
@@ -92,13 +99,18 @@ impl Simulation {
         let mut sink = |t: f64, x: &[f64]| {
             rows.lengths.extend_from_slice(&x[..n]);
             rows.velocities.extend_from_slice(&x[n..2 * n]);
-            let place = input.weight(t, false, cursor);
-            rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+            if commanded {
+                let place = input.weight(t, false, cursor);
+                rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+            }
             pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
             rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
             rows.count += 1;
         };
         let result = integrator.run(plant, times, &mut sink, stop);
+        if !commanded {
+            rows.pressures = std::mem::take(&mut plant.acting);
+        }
         (rows, result)
     }
 

@@ -1,12 +1,13 @@
 """Parameter files: the TOML description of an arm, schema ``bha-arm/1``.
 
-``provenance.py`` says where a value comes from, ``bellows.py``, ``section.py`` and ``arm.py`` are the tables of the
-file, ``messages.py`` turns what is wrong into errors a person can act on, ``document.py`` writes back without losing
+``provenance.py`` says where a value comes from, ``bellows.py``, ``section.py``, ``pneumatics.py`` and ``arm.py`` are
+the tables of the file, ``messages.py`` turns what is wrong into errors a person can act on, ``document.py`` writes back without losing
 comments or order.
 """
 
 from bha.parameters.arm import SCHEMA, ArmParameters, ForceModel, StatedValue
 from bha.parameters.bellows import BellowsParameters, ResolvedBellows
+from bha.parameters.pneumatics import PneumaticsLevel, PneumaticsParameters
 from bha.parameters.provenance import LogReference, Provenance
 from bha.parameters.section import SectionParameters
 
@@ -16,6 +17,8 @@ __all__ = [
     "BellowsParameters",
     "ForceModel",
     "LogReference",
+    "PneumaticsLevel",
+    "PneumaticsParameters",
     "Provenance",
     "ResolvedBellows",
     "SectionParameters",

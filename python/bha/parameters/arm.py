@@ -18,6 +18,7 @@ from bha.files import written_whole
 from bha.parameters import messages
 from bha.parameters.base import NotNegative, Switch, Table, Vector3, key
 from bha.parameters.document import merged_toml
+from bha.parameters.pneumatics import PneumaticsParameters
 from bha.parameters.provenance import ASSUMED, Provenance, ProvenanceTable, check_provenance, provenance_key
 from bha.parameters.section import SectionParameters
 
@@ -63,6 +64,7 @@ class ArmParameters(Table):
     rotational_energy: Switch = key("true or false", default=True)
     coriolis_forces: Switch = key("true or false", default=True)
     provenance: ProvenanceTable = provenance_key()
+    pneumatics: PneumaticsParameters | None = key("a [pneumatics] table; left out: ideal pressures", default=None)
     sections: tuple[SectionParameters, ...] = key(
         "one [[section]] table, in double brackets, per section of the arm", alias="section", min_length=1
     )
@@ -72,7 +74,7 @@ class ArmParameters(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        stated = {name: value for name, value in self if name not in ("schema_name", "name", "sections", "provenance")}
+        stated = {name: value for name, value in self if name not in ("schema_name", "name", "sections", "provenance", "pneumatics")}
         check_provenance(self.provenance, stated)
         return self
 
@@ -154,7 +156,7 @@ class ArmParameters(Table):
 
     def to_mapping(self) -> dict[str, Any]:
         """The nested mapping that the file amounts to: what was stated, nothing that is left to defaults."""
-        mapping = _stated_mapping(self, {"provenance", "sections"})
+        mapping = _stated_mapping(self, {"provenance", "pneumatics", "sections"})
         tables: list[dict[str, Any]] = []
         for section in self.sections:
             table = _stated_mapping(section, {"provenance", "bellows"})
@@ -169,6 +171,10 @@ class ArmParameters(Table):
             tables.append(table)
         if self.provenance:
             mapping["provenance"] = _provenance_mapping(self.provenance)
+        if self.pneumatics is not None:
+            mapping["pneumatics"] = _stated_mapping(self.pneumatics, {"provenance"})
+            if self.pneumatics.provenance:
+                mapping["pneumatics"]["provenance"] = _provenance_mapping(self.pneumatics.provenance)
         mapping["section"] = tables
         return mapping
 
@@ -208,7 +214,7 @@ class ArmParameters(Table):
             }
             for number, section in enumerate(self.sections, start=1)
         ]
-        core = {
+        core: dict[str, Any] = {
             "name": self.name,
             "gravity": self.gravity,
             "ambient_pressure": self.ambient_pressure,
@@ -218,11 +224,15 @@ class ArmParameters(Table):
             "inputs": self.inputs,
             "section": sections,
         }
+        if self.pneumatics is not None:
+            core["pneumatics"] = self.pneumatics.to_core()
         return json.dumps(core, allow_nan=False)
 
     def stated_values(self) -> Iterator[StatedValue]:
         """Every value the file states, in its order of tables, with where it comes from."""
-        yield from _stated(self, None, None, {"schema_name", "name", "sections", "provenance"})
+        yield from _stated(self, None, None, {"schema_name", "name", "sections", "provenance", "pneumatics"})
+        if self.pneumatics is not None:
+            yield from _stated(self.pneumatics, None, None, {"provenance"})
         for number, section in enumerate(self.sections, start=1):
             yield from _stated(section, number, None, {"bellows", "provenance"})
             for place, bellows in enumerate(section.bellows or (), start=1):

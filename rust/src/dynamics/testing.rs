@@ -71,6 +71,7 @@ pub fn arms() -> impl Strategy<Value = Arm> {
             rotational_energy: true,
             coriolis_forces: true,
             inputs,
+            pneumatics: None,
             section: sections.iter().enumerate().map(|(i, x)| section(i, x)).collect(),
         })
         .expect("the strategy makes valid arms")
