@@ -16,9 +16,13 @@
 //! | (62) statics | [`dynamics::statics`] |
 //! | (25) pressures, from command to chamber | [`pneumatics`] |
 //!
-//! Arrows: simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
+//! [`control`] and [`closed_loop`] use the model the other way round: from a wanted motion to pressures.
+//!
+//! Arrows: closed_loop -> control, simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
 
 pub mod arm;
+pub mod closed_loop;
+pub mod control;
 pub mod dynamics;
 pub mod error;
 pub mod forces;

@@ -74,7 +74,11 @@ class ArmParameters(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        stated = {name: value for name, value in self if name not in ("schema_name", "name", "sections", "provenance", "pneumatics")}
+        stated = {
+            name: value
+            for name, value in self
+            if name not in ("schema_name", "name", "sections", "provenance", "pneumatics")
+        }
         check_provenance(self.provenance, stated)
         return self
 

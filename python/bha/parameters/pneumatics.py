@@ -2,8 +2,8 @@
 
 Three levels, chosen by the key ``level``: ``"ideal"`` (the command acts as it is; also without the table), ``"lag"``
 (first order, own time constants for filling and venting) and ``"full"`` (valve by ISO 6358 with a spool, polytropic
-chamber whose volume is the dead volume plus terminal area times bellows length, PI pressure controller). A file may give
-the values of several levels; those that its level does not need are kept and not used.
+chamber whose volume is the dead volume plus terminal area times bellows length, PI pressure controller). A file may
+give the values of several levels; those that its level does not need are kept and not used.
 """
 
 from __future__ import annotations
@@ -49,7 +49,9 @@ class PneumaticsParameters(Table):
     vacuum_pressure: Positive | None = key(
         "a number > 0, absolute (Pa), below exhaust_pressure; left out: no vacuum", unit="Pa", default=None
     )
-    sonic_conductance: Positive | None = key("a number > 0 (m^3/(s Pa)): C of ISO 6358", unit="m^3/(s Pa)", default=None)
+    sonic_conductance: Positive | None = key(
+        "a number > 0 (m^3/(s Pa)): C of ISO 6358", unit="m^3/(s Pa)", default=None
+    )
     exhaust_conductance: Positive | None = key(
         "a number > 0 (m^3/(s Pa)): C towards exhaust and vacuum; left out: sonic_conductance",
         unit="m^3/(s Pa)",

@@ -2,6 +2,7 @@
 
 mod arm;
 mod arrays;
+mod control;
 mod errors;
 mod simulation;
 
@@ -15,5 +16,12 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
+    m.add_class::<control::PyStepper>()?;
+    m.add_class::<control::PyController>()?;
+    m.add_function(wrap_pyfunction!(control::closed_loop, m)?)?;
+    m.add_function(wrap_pyfunction!(control::rest_near, m)?)?;
+    m.add_function(wrap_pyfunction!(control::resolved_motion, m)?)?;
+    m.add_function(wrap_pyfunction!(control::linearize, m)?)?;
+    m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
     Ok(())
 }
