@@ -17,7 +17,7 @@ def import_extra(module: str, *, extra: str, purpose: str) -> Any:
         purpose: what it is needed for, the start of the error's sentence: ``"Writing Parquet files"``.
 
     Raises:
-        MissingExtraError: the module's package is not installed. A package that is there but broken raises its own error.
+        MissingExtraError: the package is not installed. One that is there but broken raises its own error.
     """
     package = module.partition(".")[0]
     try:

@@ -24,7 +24,8 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises:
         InputError: the folder of ``path`` does not exist, or ``path`` is a folder.
     """
-    target = Path(path)
+    # Resolved first, so that a link keeps pointing where it points and the move stays on one file system.
+    target = Path(path).resolve()
     if not target.parent.is_dir():
         raise InputError(f"{target}: the folder {target.parent} does not exist; create it first")
     if target.is_dir():
@@ -32,7 +33,6 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = target.with_name(f".{secrets.token_hex(4)}.{target.name}")
     try:
         yield temporary
-        # A link keeps pointing where it points: its target is replaced, not the link.
-        os.replace(temporary, target.resolve())
+        os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)

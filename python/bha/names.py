@@ -19,8 +19,12 @@ external force             ``fx1 fy1 fz1``  N
 
 from __future__ import annotations
 
+import re
+
+from bha.errors import InputError
+
 TIME = "t"
-AXES = ("x", "y", "z")
+_PRESSURE = re.compile(r"pc?(?:([1-9])[1-9]|([1-9]\d*)_[1-9]\d*)")
 
 
 def length_name(section: int, bellows: int) -> str:
@@ -41,6 +45,12 @@ def pressure_name(section: int, number: int) -> str:
 def commanded_pressure_name(section: int, number: int) -> str:
     """Name of a commanded pressure, ``pc11``; numbered like the measured one."""
     return "pc" + _pair(section, number)
+
+
+def section_of_pressure(name: str) -> int | None:
+    """Section that a pressure belongs to by its name, ``p23`` to 2; None if the name is not of that form."""
+    found = _PRESSURE.fullmatch(name)
+    return int(found[1] or found[2]) if found else None
 
 
 def position_names(section: int) -> tuple[str, str, str]:
@@ -69,4 +79,4 @@ def _pair(section: int, number: int) -> str:
 
 def _check(number: int, what: str) -> None:
     if number < 1:
-        raise ValueError(f"{what} number {number}: numbers count from 1")
+        raise InputError(f"{what} number is {number}; numbers count from 1")

@@ -1,0 +1,92 @@
+# Everything a user or a maintainer runs. `make help` lists it. Works with GNU make 3.81 and later.
+#
+# All Python lives in .venv. Stamp files in it remember what is installed: a second run starts at once, and the core is
+# compiled again only when its sources or the dependencies change. Python sources are used in place.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
+OUT ?= out
+
+# Folders too: a source that was removed changes its folder only.
+CORE_SOURCES := Cargo.toml $(wildcard Cargo.lock) pyproject.toml $(shell find rust/src -name '*.rs' -o -type d)
+
+# The build backend and pyo3 look for `maturin` and `python` on the PATH.
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+PIP := $(BIN)/python -m pip --quiet
+
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint bench wheel experiments blind clean
+
+help: ## List what there is
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "  PYTHON=python3.12 chooses the interpreter of a new .venv; OUT=folder where demo writes."
+
+demo: $(VENV)/.ready-all ## The paper's tilt (Fig. 12), full against reduced model: table, pictures, trajectory
+	$(BIN)/python examples/tilt.py --out $(OUT)
+
+test: $(VENV)/.ready-dev ## All tests, Rust and Python
+	@if cargo nextest --version >/dev/null 2>&1; then \
+	  set -ex; cargo nextest run; cargo test --doc; \
+	else \
+	  set -ex; cargo test; \
+	fi
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.ready-dev ## Formatters, linters and type checkers
+	cargo fmt --check
+	cargo clippy --all-targets -- -D warnings
+	PYO3_PYTHON=$(CURDIR)/$(BIN)/python cargo clippy --all-targets --features python -- -D warnings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy --strict python/bha
+	$(BIN)/stubtest --mypy-config-file pyproject.toml bha._core
+
+bench: $(VENV)/.ready-bench ## Measure speed
+	cargo bench
+	$(BIN)/python -m pytest benches --benchmark-only --benchmark-columns=median,iqr,rounds
+
+wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it in an empty environment (Linux)
+	rm -rf dist
+	$(BIN)/maturin build --release --zig --compatibility manylinux2014 --out dist
+	.ci/prove-wheel $(BIN)/python dist
+
+experiments: $(VENV)/.ready-all ## The paper's experiments again: docs/experiments.md
+	$(BIN)/bha experiment all
+
+blind: $(VENV)/.ready-all ## Diagnosis of hidden effects, blind
+	$(BIN)/python -m benches.blind
+
+clean: ## Remove all that was built: .venv, target, out, dist and caches
+	rm -rf $(VENV) target out dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	find python tests benches examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+	rm -f python/bha/_core*.so python/bha/_core*.pyd
+
+# The package in place, with one of its extras: the compiled core and what it needs.
+$(VENV)/.ready-%: $(VENV)/.build-tools $(CORE_SOURCES)
+	@command -v cargo >/dev/null 2>&1 || { \
+	  echo "make: cargo was not found. Install Rust from https://rustup.rs, then run make again." >&2; exit 1; }
+	@echo "Compiling the core and installing bha[$*] into $(VENV); the first time takes a few minutes ..."
+	@$(PIP) install --no-build-isolation --editable '.[$*]'
+	@touch $@
+
+# What pyproject.toml asks of a build, installed once: with pip's isolation every rebuild would start from nothing.
+$(VENV)/.build-tools: $(VENV)/.created pyproject.toml
+	@$(PIP) install $$($(BIN)/python -c \
+	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['build-system']['requires'])")
+	@touch $@
+
+$(VENV)/.zig: $(VENV)/.created
+	@$(PIP) install ziglang
+	@touch $@
+
+$(VENV)/.created:
+	@command -v $(PYTHON) >/dev/null 2>&1 || { \
+	  echo "make: $(PYTHON) was not found. Install Python 3.11 or later, or name one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "make: $(PYTHON) is $$($(PYTHON) --version); 3.11 or later is needed. Name one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { \
+	  echo "make: $(PYTHON) has no venv module. Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	@$(PYTHON) -m venv --clear $(VENV)
+	@touch $@
