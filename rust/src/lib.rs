@@ -1,1 +1,33 @@
 //! Euler-Lagrange dynamics of constant-curvature, pneumatic bellows arms.
+//!
+//! Source: Falkenhahn, Mahl, Hildebrandt, Neumann, Sawodny, "Dynamic Modeling of Bellows-Actuated Continuum Robots Using the
+//! Euler-Lagrange Formalism", IEEE Trans. Robotics 31(6), 2015. Which equation lives where:
+//!
+//! | paper | here |
+//! |---|---|
+//! | (3), (7) lengths to arc | [`kinematics::coordinates`] |
+//! | (9), (11), (66)-(73) pose of a section and its derivatives | [`kinematics::section`], [`kinematics::arc`] |
+//! | (12)-(14), (19)-(24) the chain | [`kinematics::chain`], [`kinematics::point`] |
+//! | (25)-(32) bellows and external forces | [`forces`] |
+//! | (33)-(35) gravity, bending | [`forces`] |
+//! | (36)-(39) kinetic energy | [`dynamics::energy`] |
+//! | (48) solved for q'' or tau, (58)-(61) | [`dynamics::recursion`] |
+//! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
+//! | (62) statics | [`dynamics::statics`] |
+//!
+//! Arrows: simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
+
+pub mod arm;
+pub mod dynamics;
+pub mod error;
+pub mod forces;
+pub mod input;
+pub mod integrate;
+pub mod kinematics;
+pub mod linear;
+pub mod parameters;
+pub mod plant;
+#[cfg(feature = "python")]
+mod python;
+pub mod real;
+pub mod simulate;

@@ -1,0 +1,186 @@
+"""Equations of motion M(q) q'' + C(q, q') q' + N(q, q') = tau(q, p) (48) and their matrices: (49)-(51), (58)-(61).
+
+What: inertia and Coriolis matrix entry by entry, as sums over the sections, and the dense solution of (48). Frame: base
+frame. Units: q in m, so M and C are in kg and kg/s, N and tau in N. Sign: N stands on the left side of (48).
+Validity: masses and inertia tensors fixed in the head frames, massless bellows, constant curvature.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from bha.reference.arguments import external, vector
+from bha.reference.derivatives import Transformations, position_derivative, transformations
+from bha.reference.forces import actuation_force_terms, bias_force_terms, generalized_bellows_force
+from bha.reference.homogeneous import Array, inertia_in_base_frame, rate_operator, rotation_part, rotation_rate
+from bha.reference.parameters import Arm
+
+
+@dataclasses.dataclass(frozen=True)
+class DynamicsTerms:
+    """The terms of (48) at one state.
+
+    ``inertia_matrix`` M and ``coriolis_matrix`` C (3n, 3n), ``bias_force`` N and ``actuation_force`` tau (3n,).
+    """
+
+    inertia_matrix: Array
+    coriolis_matrix: Array
+    bias_force: Array
+    actuation_force: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class MassTerms:
+    """Recurring terms of (49) and (50) for the mass of one section; m rows, one per coordinate, base frame.
+
+    ``dr`` (m, 3): dr_S/dq_j. ``w`` (m, 3): Gamma(dR/dq_j R^T), the derivative of the rotation rate by q_j'.
+    ``Jw`` (m, 3): J w_j. ``dr_dot`` (m, 3): d/dt dr_S/dq_j. ``Jw_dot`` (m, 3): J dw_j/dt + omega x (J w_j).
+    Rotational terms are None without rotational energy, the time derivatives without Coriolis forces.
+    """
+
+    mass: float
+    dr: Array
+    w: Array | None
+    Jw: Array | None
+    dr_dot: Array | None
+    Jw_dot: Array | None
+
+
+def mass_terms(arm: Arm, state: Transformations) -> list[MassTerms]:
+    """Evaluate what (49) and (50) use again and again, for every section; only what the arm's switches leave in."""
+    terms = []
+    for i, section in enumerate(arm.sections):
+        H, dH = state.H[i], state.dH[i]
+        w = Jw = dr_dot = Jw_dot = None
+        if arm.rotational_energy:
+            J = inertia_in_base_frame(H, section.inertia_tensor)
+            w = rotation_rate(H, dH)
+            Jw = w @ J
+        if state.H_dot is not None and state.dH_dot is not None:
+            dr_dot = position_derivative(state.dH_dot[i], section.homogeneous_center_of_mass)
+            if w is not None and Jw is not None:
+                R, R_dot = rotation_part(H), rotation_part(state.H_dot[i])
+                # d/dt of Gamma(dR/dq_j R^T): Gamma is linear, the product rule is all.
+                w_dot = rate_operator(rotation_part(state.dH_dot[i]) @ R.T + rotation_part(dH) @ R_dot.T)
+                omega_cross = R_dot @ R.T  # [omega]x, (23)
+                Jw_dot = w_dot @ J + Jw @ omega_cross.T
+        terms.append(MassTerms(section.mass, state.dr_S[i], w, Jw, dr_dot, Jw_dot))
+    return terms
+
+
+def start_section(row: int, column: int) -> int:
+    """Equation (51): the lowest section whose mass moves with both coordinates; counted from 0."""
+    return max(row, column) // 3
+
+
+def inertia_matrix_from(terms: list[MassTerms]) -> Array:
+    """Equation (49), and (58) where the rotational terms are left out: M, shape (3n, 3n), kg."""
+    n = len(terms)
+    M = np.zeros((3 * n, 3 * n))
+    for r in range(3 * n):
+        for c in range(r + 1):
+            for xi in range(start_section(r, c), n):
+                section = terms[xi]
+                M[r, c] += section.mass * (section.dr[c] @ section.dr[r])
+                if section.w is not None and section.Jw is not None:
+                    M[r, c] += section.w[r] @ section.Jw[c]
+            M[c, r] = M[r, c]
+    return M
+
+
+def coriolis_matrix_from(terms: list[MassTerms]) -> Array:
+    """Equation (50), and (59) where the rotational terms are left out: C, shape (3n, 3n), kg/s.
+
+    Translational part as in the paper, m (d/dt dr_S/dq_c) . (dr_S/dq_r). The rotational part of (50) is not legible in
+    the text we have; here w_r . (J dw_c/dt + omega x (J w_c)), for which C q' is that of the Euler-Lagrange equations
+    and dM/dt - 2C is skew-symmetric. Zero where the terms carry no time derivatives (60).
+    """
+    n = len(terms)
+    C = np.zeros((3 * n, 3 * n))
+    for r in range(3 * n):
+        for c in range(3 * n):
+            for xi in range(start_section(r, c), n):
+                section = terms[xi]
+                if section.dr_dot is not None:
+                    C[r, c] += section.mass * (section.dr_dot[c] @ section.dr[r])
+                if section.w is not None and section.Jw_dot is not None:
+                    C[r, c] += section.w[r] @ section.Jw_dot[c]
+    return C
+
+
+def inertia_matrix(arm: Arm, q: Array) -> Array:
+    """M(q) of (48) by (49), or (58) without rotational energy; (3n,) m -> (3n, 3n) kg, symmetric positive definite."""
+    return inertia_matrix_from(mass_terms(arm, transformations(arm, vector(arm, "q", q))))
+
+
+def coriolis_matrix(arm: Arm, q: Array, qd: Array) -> Array:
+    """C(q, q') of (48) by (50), (59) or (60), after the arm's switches; (3n,) m, (3n,) m/s -> (3n, 3n) kg/s.
+
+    dM/dt - 2C is skew-symmetric. Zero where the arm leaves Coriolis forces out.
+    """
+    q, qd = vector(arm, "q", q), vector(arm, "qd", qd)
+    if not arm.coriolis_forces:
+        return np.zeros((len(q), len(q)))
+    return coriolis_matrix_from(mass_terms(arm, transformations(arm, q, qd)))
+
+
+def bias_force(arm: Arm, q: Array, qd: Array, f_ext: Array | None = None) -> Array:
+    """N(q, q') of (48) by (52): springs, damping, bending, gravity and external forces; (3n,), N.
+
+    ``f_ext`` (n, 3): force at each section's centre of mass in the base frame, N.
+    """
+    q, qd = vector(arm, "q", q), vector(arm, "qd", qd)
+    return bias_force_terms(arm, transformations(arm, q), q, qd, external(arm, f_ext))
+
+
+def actuation_force(arm: Arm, q: Array, p: Array) -> Array:
+    """tau(q, p) of (48) by (53); lengths (3n,) m and absolute pressures (3n,) Pa -> (3n,) N."""
+    return actuation_force_terms(arm, transformations(arm, vector(arm, "q", q)), vector(arm, "p", p))
+
+
+def actuation_matrix(arm: Arm, q: Array) -> Array:
+    """d tau/dp, (3n, 3n), N/Pa: the columns of (53), which is linear in p - p_amb."""
+    state = transformations(arm, vector(arm, "q", q))
+    # Bellows forces (25) of 1 Pa above ambient in one bellows after the other.
+    unit_forces = np.diag(np.repeat([section.terminal_area for section in arm.sections], 3))
+    columns = [generalized_bellows_force(arm, state, F.reshape(-1, 3)) for F in unit_forces]
+    return np.stack(columns, axis=1)
+
+
+def dynamics_terms(arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | None = None) -> DynamicsTerms:
+    """M, C, N and tau of (48) at one state, with the kinematics computed once; see the functions of each."""
+    q, qd, p = vector(arm, "q", q), vector(arm, "qd", qd), vector(arm, "p", p)
+    state = transformations(arm, q, qd if arm.coriolis_forces else None)
+    terms = mass_terms(arm, state)
+    M = inertia_matrix_from(terms)
+    return DynamicsTerms(
+        inertia_matrix=M,
+        coriolis_matrix=coriolis_matrix_from(terms) if arm.coriolis_forces else np.zeros_like(M),
+        bias_force=bias_force_terms(arm, state, q, qd, external(arm, f_ext)),
+        actuation_force=actuation_force_terms(arm, state, p),
+    )
+
+
+def forward_dynamics(arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | None = None) -> Array:
+    """q'' of (48), or of (61) without Coriolis forces, by a dense solution; (3n,), m/s^2.
+
+    Raises numpy.linalg.LinAlgError where M is singular.
+    """
+    terms = dynamics_terms(arm, q, qd, p, f_ext)
+    force = terms.actuation_force - terms.bias_force
+    if arm.coriolis_forces:
+        force -= terms.coriolis_matrix @ qd
+    return np.asarray(np.linalg.solve(terms.inertia_matrix, force), dtype=np.float64)
+
+
+def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, f_ext: Array | None = None) -> Array:
+    """tau of (48) that gives the accelerations qdd (3n,) m/s^2; (3n,), N."""
+    q, qd, qdd = vector(arm, "q", q), vector(arm, "qd", qd), vector(arm, "qdd", qdd)
+    state = transformations(arm, q, qd if arm.coriolis_forces else None)
+    terms = mass_terms(arm, state)
+    tau = inertia_matrix_from(terms) @ qdd + bias_force_terms(arm, state, q, qd, external(arm, f_ext))
+    if arm.coriolis_forces:
+        tau += coriolis_matrix_from(terms) @ qd
+    return tau

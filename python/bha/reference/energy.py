@@ -1,0 +1,77 @@
+"""Kinetic energies (16), (36)-(38) and potentials (33) of a state.
+
+Frame: base frame; the gravitational potential is zero at the base. Units: J. The springs' potential is not in the
+paper, which counts them among the forces; it is the integral of F_spr, and only with ``work_conjugate`` is it what the
+springs give back around a closed path.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from bha.reference.arguments import vector
+from bha.reference.derivatives import position, position_derivative, transformations
+from bha.reference.homogeneous import Array, inertia_in_base_frame, rotation_rate
+from bha.reference.parameters import Arm, Section
+
+
+@dataclasses.dataclass(frozen=True)
+class Energy:
+    """Energies of one state, J."""
+
+    kinetic_translational: float
+    kinetic_rotational: float
+    potential_gravity: float
+    potential_bending: float
+    potential_springs: float
+
+    @property
+    def kinetic(self) -> float:
+        """Equation (36)."""
+        return self.kinetic_translational + self.kinetic_rotational
+
+    @property
+    def potential(self) -> float:
+        """Equation (33) and the springs."""
+        return self.potential_gravity + self.potential_bending + self.potential_springs
+
+    @property
+    def total(self) -> float:
+        """Sum of all."""
+        return self.kinetic + self.potential
+
+
+def energy(arm: Arm, q: Array, qd: Array) -> Energy:
+    """Energies at lengths q (3n,) m and rates qd (3n,) m/s; rotational energy is 0 where the arm leaves it out (58)."""
+    q, qd = vector(arm, "q", q), vector(arm, "qd", qd)
+    state = transformations(arm, q)
+    trans = rot = grav = bend = springs = 0.0
+    for i, section in enumerate(arm.sections):
+        m = len(state.dH[i])
+        H_dot = np.tensordot(qd[:m], state.dH[i], 1)  # (70)
+        r_S = section.homogeneous_center_of_mass
+        velocity = position_derivative(H_dot, r_S)
+        trans += 0.5 * section.mass * float(velocity @ velocity)  # (37)
+        if arm.rotational_energy:
+            omega = rotation_rate(state.H[i], H_dot)
+            rot += 0.5 * float(omega @ inertia_in_base_frame(state.H[i], section.inertia_tensor) @ omega)  # (38)
+        grav -= section.mass * float(np.array(arm.gravity) @ position(state.H[i], r_S))
+        bend += bending_potential(section, state.x[i])
+        springs += spring_potential(section, q[3 * i : 3 * i + 3])
+    return Energy(trans, rot, grav, bend, springs)
+
+
+def bending_potential(section: Section, x: Array) -> float:
+    """U_bend of (33) as the integral of the bending moment over psi, J; x = (u, v, l)."""
+    k1, k3 = section.bending_stiffness
+    s = float(x[0] ** 2 + x[1] ** 2)
+    return k1 * s / 2 + k3 * s**2 / 4
+
+
+def spring_potential(section: Section, lengths: Array) -> float:
+    """Integral of F_spr of (26) from the rest length, summed over the three bellows, J."""
+    extension = lengths - section.rest_length
+    powers = [k / (j + 1) * extension ** (j + 1) for j, k in enumerate(section.stiffness, start=1)]
+    return float(np.sum(powers))

@@ -1,0 +1,140 @@
+"""Forces of bellows, bending, gravity and from outside, and the generalized forces they make: (25)-(35), (52), (53).
+
+Frame and sign: bellows forces act along z of a head, positive where they lengthen the section; lengths and their rates
+in m and m/s, pressures absolute in Pa. N stands on the left of (48), so a force that lengthens enters it with a minus.
+
+``end_force`` is the paper's model: every bellows pushes head i with +F z and the head below with -F z (27). Once a
+section bends, the two are not parallel, and the pair is no longer conjugate to the bellows length: springs then do work
+around a closed path. ``work_conjugate`` (not in the paper) lets a bellows work against its own length, Q_ik = F_ik.
+Both coincide for a straight arm of sections with equal bellows_radius; where the radii differ, (27) makes a bellows
+pull at the head below at that head's radius, not at its own, and the models differ in the straight pose already.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bha.reference.derivatives import Transformations
+from bha.reference.homogeneous import Array, rotation_part
+from bha.reference.parameters import Arm, Section
+from bha.reference.transformations import bending_coordinates_jacobian
+
+
+def actuation_bellows_forces(arm: Arm, p: Array) -> Array:
+    """Equation (25): F_a = A_P (p - p_amb); shape (n, 3), N."""
+    area = np.array([[section.terminal_area] for section in arm.sections])
+    return area * (p.reshape(-1, 3) - arm.ambient_pressure)
+
+
+def spring_force(section: Section, extension: Array) -> Array:
+    """F_spr of (26), a polynomial in q - rest_length from the first power on (Fig. 8); resists the extension, N."""
+    force = np.zeros_like(extension)
+    for coefficient in reversed(section.stiffness):
+        force = (force + coefficient) * extension
+    return force
+
+
+def spring_stiffness(section: Section, extension: Array) -> Array:
+    """dF_spr/dq of (26), N/m."""
+    stiffness = np.zeros_like(extension)
+    for power in range(len(section.stiffness), 0, -1):
+        stiffness = stiffness * extension + power * section.stiffness[power - 1]
+    return stiffness
+
+
+def passive_bellows_forces(arm: Arm, q: Array, qd: Array) -> Array:
+    """Equation (26): F_p = -F_spr(q) - d q', both resist the lengthening; shape (n, 3), N."""
+    lengths, rates = q.reshape(-1, 3), qd.reshape(-1, 3)
+    return np.array(
+        [
+            -spring_force(section, lengths[i] - section.rest_length) - section.damping * rates[i]
+            for i, section in enumerate(arm.sections)
+        ]
+    )
+
+
+def effective_forces(F: Array) -> Array:
+    """Equation (27): what the bellows of section i and of the section above do to head i; (n, 3) -> (n, 3), N."""
+    F_e = F.copy()
+    F_e[:-1] -= F[1:]
+    return F_e
+
+
+def external_forces_in_base_frame(state: Transformations, f_head: Array) -> Array:
+    """Equation (28): forces (n, 3) given in the head frames, in the base frame; shape (n, 3), N."""
+    return np.array([rotation_part(H) @ f for H, f in zip(state.H, f_head, strict=True)])
+
+
+def generalized_bellows_force(arm: Arm, state: Transformations, F: Array) -> Array:
+    """Equations (17), (29)-(32), the sum of (53a): Q_r = sum over xi, chi of (H F_e) . (dH/dq_r r_B); (3n,), N.
+
+    F (n, 3) are bellows forces, actuation or passive. With ``work_conjugate`` Q is F itself.
+    """
+    if arm.force_model == "work_conjugate":
+        return F.reshape(-1)
+    F_e = effective_forces(F)
+    Q = np.zeros(F.size)
+    for xi in range(arm.section_count):
+        z = state.H[xi][:3, 2]
+        for chi in range(3):
+            force = F_e[xi, chi] * z  # (19), (29)
+            dr_B = state.dr_B[xi][chi]
+            for r in range(len(dr_B)):
+                Q[r] += force @ dr_B[r]
+    return Q
+
+
+def bending_moment(section: Section, psi: float) -> float:
+    """M_bend(psi) = k1 psi + k3 psi^3, which straightens the section; N m. Linear in the paper (Fig. 9)."""
+    k1, k3 = section.bending_stiffness
+    return k1 * psi + k3 * psi**3
+
+
+def bending_potential_derivative(section: Section, x: Array) -> Array:
+    """Bending part of (35): dU_bend/dq_k = M_bend(psi) dpsi/dq_k of the section's own bellows; shape (3,), N.
+
+    U_bend is the integral of M_bend over psi: the paper's (33) adds the moment itself to the potential, which does not
+    fit in units. dpsi = (u du + v dv) / psi, and zero at the straight pose, where M_bend is zero.
+    """
+    u, v, _ = x
+    psi = float(np.hypot(u, v))
+    if psi == 0.0:
+        return np.zeros(3)
+    dx_dq = bending_coordinates_jacobian(section.bellows_radius)
+    dpsi_dq = (u * dx_dq[0] + v * dx_dq[1]) / psi
+    derivative: Array = bending_moment(section, psi) * dpsi_dq
+    return derivative
+
+
+def potential_derivative(arm: Arm, state: Transformations) -> Array:
+    """Equations (34) and (35): dU/dq_r = sum over xi of -m g . dr_S/dq_r, plus bending; shape (3n,), N."""
+    gravity = np.array(arm.gravity)
+    dU = np.zeros(3 * arm.section_count)
+    for xi, section in enumerate(arm.sections):
+        weight = section.mass * gravity
+        for r, dr_S in enumerate(state.dr_S[xi]):
+            dU[r] -= weight @ dr_S
+        dU[3 * xi : 3 * xi + 3] += bending_potential_derivative(section, state.x[xi])
+    return dU
+
+
+def generalized_external_force(arm: Arm, state: Transformations, f_ext: Array) -> Array:
+    """Equation (17) for (28): Q_r = sum over xi of F_S . dr_S/dq_r, F_S (n, 3) in the base frame; shape (3n,), N."""
+    Q = np.zeros(3 * arm.section_count)
+    for xi in range(arm.section_count):
+        for r, dr_S in enumerate(state.dr_S[xi]):
+            Q[r] += f_ext[xi] @ dr_S
+    return Q
+
+
+def bias_force_terms(arm: Arm, state: Transformations, q: Array, qd: Array, f_ext: Array | None) -> Array:
+    """Equation (52): N = dU/dq - passive bellows forces - external forces, generalized; shape (3n,), N."""
+    N = potential_derivative(arm, state) - generalized_bellows_force(arm, state, passive_bellows_forces(arm, q, qd))
+    if f_ext is not None:
+        N -= generalized_external_force(arm, state, f_ext)
+    return N
+
+
+def actuation_force_terms(arm: Arm, state: Transformations, p: Array) -> Array:
+    """Equation (53): tau, the generalized force of the pressures; shape (3n,), N."""
+    return generalized_bellows_force(arm, state, actuation_bellows_forces(arm, p))

@@ -1,0 +1,263 @@
+//! The arm: validated, immutable parameters, over any scalar.
+
+use crate::error::{Error, Result};
+use crate::linear::Vec3;
+use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
+use crate::real::Real;
+
+/// Highest power of the spring polynomial.
+pub const STIFFNESS_TERMS: usize = 8;
+/// Most bellows in a section.
+pub const BELLOWS_PER_SECTION: usize = 12;
+
+/// One bellows.
+#[derive(Clone, Debug)]
+pub struct Bellows<T> {
+    /// `radius cos(angle)`, m.
+    pub x: T,
+    /// `radius sin(angle)`, m.
+    pub y: T,
+    /// Terminal area A_P, m^2.
+    pub terminal_area: T,
+    /// Length without spring force, m.
+    pub rest_length: T,
+    /// Spring polynomial, from the first power.
+    pub stiffness: [T; STIFFNESS_TERMS],
+    /// How many terms of `stiffness` are used.
+    pub stiffness_terms: usize,
+    /// Viscous damping, N s/m.
+    pub damping: T,
+    /// Index of its pressure input.
+    pub input: usize,
+}
+
+/// One section.
+#[derive(Clone, Debug)]
+pub struct Section<T> {
+    /// Lumped mass, kg.
+    pub mass: T,
+    /// Principal moments of inertia along the head frame's axes, kg m^2.
+    pub inertia: Vec3<T>,
+    /// Centre of mass in the head frame, m.
+    pub center_of_mass: Vec3<T>,
+    /// Radius of the coordinate lengths, m.
+    pub bellows_radius: T,
+    /// `1 / bellows_radius`.
+    pub inverse_radius: T,
+    /// Rigid piece before the arc, m.
+    pub base_offset: T,
+    /// Rigid piece after the arc, m.
+    pub head_offset: T,
+    /// k1, k3 of the bending moment.
+    pub bending_stiffness: [T; 2],
+    /// `bellows_radius of the section below / bellows_radius`: where the bellows' reactions act on the head below.
+    pub reaction_scale: T,
+    /// The bellows.
+    pub bellows: Vec<Bellows<T>>,
+}
+
+/// A bellows arm.
+#[derive(Clone, Debug)]
+pub struct Arm<T = f64> {
+    /// Gravity in the base frame, m/s^2.
+    pub gravity: Vec3<T>,
+    /// Ambient pressure, Pa.
+    pub ambient_pressure: T,
+    /// How bellows forces act.
+    pub force_model: ForceModel,
+    /// Whether rotational energy counts.
+    pub rotational_energy: bool,
+    /// Whether Coriolis forces count.
+    pub coriolis_forces: bool,
+    /// Number of pressure inputs.
+    pub inputs: usize,
+    /// The sections from the base on.
+    pub sections: Vec<Section<T>>,
+}
+
+fn check(place: &str, key: &'static str, value: f64, ok: bool, allowed: &'static str) -> Result<f64> {
+    if value.is_finite() && ok {
+        return Ok(value);
+    }
+    Err(Error::Parameter { place: place.to_owned(), key, found: value.to_string(), allowed })
+}
+
+fn positive(place: &str, key: &'static str, value: f64) -> Result<f64> {
+    check(place, key, value, value > 0.0, "a positive, finite number is needed")
+}
+
+fn not_negative(place: &str, key: &'static str, value: f64) -> Result<f64> {
+    check(place, key, value, value >= 0.0, "a finite number not below zero is needed")
+}
+
+fn finite(place: &str, key: &'static str, value: f64) -> Result<f64> {
+    check(place, key, value, true, "a finite number is needed")
+}
+
+impl Bellows<f64> {
+    fn new(place: &str, p: &BellowsParameters, inputs: usize) -> Result<Self> {
+        let wrong = |key, found: usize, allowed| {
+            Err(Error::Parameter { place: place.to_owned(), key, found: found.to_string(), allowed })
+        };
+        if p.stiffness.is_empty() || p.stiffness.len() > STIFFNESS_TERMS {
+            return wrong("number of stiffness terms", p.stiffness.len(), "1 to 8 are allowed");
+        }
+        if p.input >= inputs {
+            return wrong("input", p.input, "the index of one of the arm's inputs is needed");
+        }
+        let radius = not_negative(place, "radius", p.radius)?;
+        let angle = finite(place, "angle", p.angle)?;
+        let mut stiffness = [0.0; STIFFNESS_TERMS];
+        for (k, &s) in stiffness.iter_mut().zip(&p.stiffness) {
+            *k = finite(place, "stiffness", s)?;
+        }
+        let (cos, sin) = cos_sin(angle);
+        Ok(Self {
+            x: radius * cos,
+            y: radius * sin,
+            terminal_area: not_negative(place, "terminal_area", p.terminal_area)?,
+            rest_length: finite(place, "rest_length", p.rest_length)?,
+            stiffness,
+            stiffness_terms: p.stiffness.len(),
+            damping: finite(place, "damping", p.damping)?,
+            input: p.input,
+        })
+    }
+}
+
+/// Cosine and sine, exact at the multiples of 30 degrees where bellows usually sit, so that symmetric arms stay so.
+fn cos_sin(angle: f64) -> (f64, f64) {
+    let steps = angle / (std::f64::consts::PI / 6.0);
+    let nearest = steps.round();
+    if (steps - nearest).abs() > 1e-12 {
+        return (angle.cos(), angle.sin());
+    }
+    let h = 0.75_f64.sqrt();
+    let cos = [1.0, h, 0.5, 0.0, -0.5, -h, -1.0, -h, -0.5, 0.0, 0.5, h];
+    let k = nearest.rem_euclid(12.0) as usize;
+    (cos[k], cos[(k + 9) % 12])
+}
+
+impl Section<f64> {
+    fn new(index: usize, p: &SectionParameters, radius_below: f64, inputs: usize) -> Result<Self> {
+        let place = format!("section {}", index + 1);
+        if p.bellows.is_empty() || p.bellows.len() > BELLOWS_PER_SECTION {
+            let found = p.bellows.len().to_string();
+            return Err(Error::Parameter { place, key: "number of bellows", found, allowed: "1 to 12 are allowed" });
+        }
+        let bellows_radius = positive(&place, "bellows_radius", p.bellows_radius)?;
+        let mut inertia = [0.0; 3];
+        let mut center_of_mass = [0.0; 3];
+        for k in 0..3 {
+            inertia[k] = not_negative(&place, "inertia", p.inertia[k])?;
+            center_of_mass[k] = finite(&place, "center_of_mass", p.center_of_mass[k])?;
+        }
+        let bellows = p
+            .bellows
+            .iter()
+            .enumerate()
+            .map(|(k, b)| Bellows::new(&format!("{place}, bellows {}", k + 1), b, inputs))
+            .collect::<Result<_>>()?;
+        Ok(Self {
+            mass: positive(&place, "mass", p.mass)?,
+            inertia: Vec3(inertia),
+            center_of_mass: Vec3(center_of_mass),
+            bellows_radius,
+            inverse_radius: 1.0 / bellows_radius,
+            base_offset: finite(&place, "base_offset", p.base_offset)?,
+            head_offset: finite(&place, "head_offset", p.head_offset)?,
+            bending_stiffness: [
+                finite(&place, "bending_stiffness", p.bending_stiffness[0])?,
+                finite(&place, "bending_stiffness", p.bending_stiffness[1])?,
+            ],
+            reaction_scale: radius_below / bellows_radius,
+            bellows,
+        })
+    }
+}
+
+impl Arm<f64> {
+    /// The arm that `parameters` describe.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] names the section or bellows, the key, what was found and what is allowed.
+    pub fn new(parameters: &ArmParameters) -> Result<Self> {
+        if parameters.section.is_empty() {
+            return Err(Error::Parameter {
+                place: parameters.name.clone(),
+                key: "number of sections",
+                found: "0".to_owned(),
+                allowed: "at least one is needed",
+            });
+        }
+        for g in parameters.gravity {
+            finite("arm", "gravity", g)?;
+        }
+        let mut radius_below = parameters.section[0].bellows_radius;
+        let mut sections = Vec::with_capacity(parameters.section.len());
+        for (i, p) in parameters.section.iter().enumerate() {
+            sections.push(Section::new(i, p, radius_below, parameters.inputs.len())?);
+            radius_below = p.bellows_radius;
+        }
+        Ok(Self {
+            gravity: Vec3(parameters.gravity),
+            ambient_pressure: not_negative("arm", "ambient_pressure", parameters.ambient_pressure)?,
+            force_model: parameters.force_model,
+            rotational_energy: parameters.rotational_energy,
+            coriolis_forces: parameters.coriolis_forces,
+            inputs: parameters.inputs.len(),
+            sections,
+        })
+    }
+
+    /// The same arm over another scalar.
+    pub fn lift<T: Real>(&self) -> Arm<T> {
+        let c = T::from_f64;
+        let v = |a: Vec3<f64>| Vec3(a.0.map(c));
+        Arm {
+            gravity: v(self.gravity),
+            ambient_pressure: c(self.ambient_pressure),
+            force_model: self.force_model,
+            rotational_energy: self.rotational_energy,
+            coriolis_forces: self.coriolis_forces,
+            inputs: self.inputs,
+            sections: self
+                .sections
+                .iter()
+                .map(|s| Section {
+                    mass: c(s.mass),
+                    inertia: v(s.inertia),
+                    center_of_mass: v(s.center_of_mass),
+                    bellows_radius: c(s.bellows_radius),
+                    inverse_radius: c(s.inverse_radius),
+                    base_offset: c(s.base_offset),
+                    head_offset: c(s.head_offset),
+                    bending_stiffness: s.bending_stiffness.map(c),
+                    reaction_scale: c(s.reaction_scale),
+                    bellows: s
+                        .bellows
+                        .iter()
+                        .map(|b| Bellows {
+                            x: c(b.x),
+                            y: c(b.y),
+                            terminal_area: c(b.terminal_area),
+                            rest_length: c(b.rest_length),
+                            stiffness: b.stiffness.map(c),
+                            stiffness_terms: b.stiffness_terms,
+                            damping: c(b.damping),
+                            input: b.input,
+                        })
+                        .collect(),
+                })
+                .collect(),
+        }
+    }
+}
+
+impl<T> Arm<T> {
+    /// Number of coordinates, three a section.
+    #[inline(always)]
+    pub fn coordinates(&self) -> usize {
+        3 * self.sections.len()
+    }
+}

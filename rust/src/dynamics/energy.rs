@@ -1,0 +1,60 @@
+//! Energies: kinetic (translational, rotational) and potential by name.
+//!
+//! Source: paper (16), (33), (36)-(39), with U_bend as the integral of the bending moment; the springs' energy is the
+//! integral of (26)'s spring force over each bellows' own length. With `end_force` the springs' work on the arm is not the
+//! change of this energy (`docs/model.md`).
+
+use super::Workspace;
+use super::recursion::body_tensor;
+use crate::arm::Arm;
+use crate::forces::{bending_energy, gravity_energy, length, spring_energy};
+use crate::kinematics::chain::{Motion, pass};
+use crate::real::Real;
+
+/// Energies of an arm, J.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Energy<T = f64> {
+    /// Translational kinetic energy of the lumped masses.
+    pub translational: T,
+    /// Rotational kinetic energy; zero where the arm leaves it out.
+    pub rotational: T,
+    /// Potential of the weight, zero at the base's origin.
+    pub gravity: T,
+    /// Energy of bending.
+    pub bending: T,
+    /// Energy in the bellows' springs.
+    pub spring: T,
+}
+
+impl<T: Real> Energy<T> {
+    /// Kinetic energy T.
+    pub fn kinetic(&self) -> T {
+        self.translational + self.rotational
+    }
+    /// Potential energy, springs included.
+    pub fn potential(&self) -> T {
+        self.gravity + self.bending + self.spring
+    }
+    /// Sum of all.
+    pub fn total(&self) -> T {
+        self.kinetic() + self.potential()
+    }
+}
+
+/// The energies at a state.
+pub fn energy<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) -> Energy<T> {
+    pass(arm, q, qd, Motion::Velocity, &mut ws.links);
+    let zero = T::zero();
+    let gravity = gravity_energy(arm, &ws.links);
+    let mut e = Energy { translational: zero, rotational: zero, gravity, bending: zero, spring: zero };
+    for (section, link) in arm.sections.iter().zip(&ws.links) {
+        let (v, w) = (link.center_velocity(), link.angular_velocity);
+        e.translational += section.mass * v.dot(v) * 0.5;
+        e.rotational += w.dot(body_tensor(arm, section, link).mul_vec(w)) * 0.5;
+        e.bending += bending_energy(section, link.arc);
+        for b in &section.bellows {
+            e.spring += spring_energy(b, length(b, link.arc));
+        }
+    }
+    e
+}

@@ -1,0 +1,245 @@
+//! Forward and inverse dynamics in O(n).
+//!
+//! Source: paper (48) solved by the articulated-body algorithm (Featherstone, *Rigid Body Dynamics Algorithms*, ch. 7)
+//! with sections as joints of three degrees of freedom; inverse dynamics by the recursive Newton-Euler algorithm (ch. 5).
+//! The velocity products are evaluated first, as inertia forces of the motion without joint accelerations; the
+//! articulated-body sweep then solves for the rest with no bias of its own.
+//! Frame: base frame, about its origin O.
+//! Limits: those of the kinematics; the inertia about each joint must be positive, which a positive mass and a positive
+//! section length ensure even without rotational energy.
+
+use super::Workspace;
+use crate::arm::{Arm, Section};
+use crate::forces::{ForceSet, Load, Wrench, accumulate, on_joint};
+use crate::kinematics::chain::{Link, Motion, pass};
+use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
+use crate::linear::{Mat3, Sym3, Vec3};
+use crate::real::Real;
+
+/// A spatial inertia about O: [[rotational, coupling], [coupling^T, translational]].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Inertia<T> {
+    pub rotational: Sym3<T>,
+    pub coupling: Mat3<T>,
+    pub translational: Sym3<T>,
+}
+
+impl<T: Real> Inertia<T> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { rotational: Sym3::zero(), coupling: Mat3::zero(), translational: Sym3::zero() }
+    }
+
+    /// Inertia of a body; `rotational` is its own tensor about the centre of mass in the base frame.
+    #[inline(always)]
+    pub fn of_body(section: &Section<T>, link: &Link<T>, rotational: &Sym3<T>) -> Self {
+        let (m, o) = (section.mass, T::zero());
+        Self {
+            rotational: rotational.add(&Sym3::of_point_mass(m, link.center)),
+            coupling: Mat3::cross_matrix(link.center * m),
+            translational: Sym3([m, o, o, m, o, m]),
+        }
+    }
+
+    #[inline(always)]
+    pub fn add(&self, other: &Self) -> Self {
+        Self {
+            rotational: self.rotational.add(&other.rotational),
+            coupling: self.coupling.add(&other.coupling),
+            translational: self.translational.add(&other.translational),
+        }
+    }
+
+    /// Momentum (or force) of a motion (angular, linear at O).
+    #[inline(always)]
+    pub fn mul(&self, angular: Vec3<T>, linear: Vec3<T>) -> (Vec3<T>, Vec3<T>) {
+        (
+            self.rotational.mul_vec(angular) + self.coupling.mul_vec(linear),
+            self.coupling.transposed_mul_vec(angular) + self.translational.mul_vec(linear),
+        )
+    }
+}
+
+/// What the articulated-body sweep keeps of a section for its way back up.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Joint<T> {
+    /// Columns of I^A S: (angular, linear).
+    u: [(Vec3<T>, Vec3<T>); 3],
+    /// Inverse of S^T I^A S.
+    inverse: Sym3<T>,
+    /// Generalized force left after the bias forces.
+    force: Vec3<T>,
+}
+
+impl<T: Real> Joint<T> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { u: [(Vec3::zero(), Vec3::zero()); 3], inverse: Sym3::zero(), force: Vec3::zero() }
+    }
+}
+
+/// The section's own inertia tensor in the base frame; zero where the arm leaves rotational energy out.
+#[inline(always)]
+pub(crate) fn body_tensor<T: Real>(arm: &Arm<T>, section: &Section<T>, link: &Link<T>) -> Sym3<T> {
+    if arm.rotational_energy { Sym3::rotated_diagonal(&link.rotation, section.inertia) } else { Sym3::zero() }
+}
+
+/// Inertia forces of a body's motion as a wrench: what must act on it for it to move so.
+#[inline(always)]
+fn inertia_wrench<T: Real>(section: &Section<T>, link: &Link<T>, tensor: &Sym3<T>) -> Wrench<T> {
+    let (omega, alpha) = (link.angular_velocity, link.angular_acceleration);
+    let arm = link.center - link.position;
+    let acceleration = link.acceleration + alpha.cross(arm) + omega.cross(omega.cross(arm));
+    let mut wrench = Wrench::at(link.center, acceleration * section.mass);
+    wrench.torque += tensor.mul_vec(alpha) + omega.cross(tensor.mul_vec(omega));
+    wrench
+}
+
+/// q'' for given state, pressures and external forces, paper (48), into `qdd`.
+///
+/// `q`, `qd`, `qdd`: three a section; `p`: one an input, Pa absolute; `f_ext`: force at each section's centre of mass in
+/// the base frame, N.
+#[inline(always)]
+pub fn forward_dynamics_into<T: Real>(
+    arm: &Arm<T>,
+    q: &[T],
+    qd: &[T],
+    p: &[T],
+    f_ext: Option<&[Vec3<T>]>,
+    ws: &mut Workspace<T>,
+    qdd: &mut [T],
+) {
+    let motion = if arm.coriolis_forces { Motion::Bias } else { Motion::Pose };
+    pass(arm, q, qd, motion, &mut ws.links);
+    if !arm.coriolis_forces {
+        joint_rates(arm, qd, &mut ws.links);
+    }
+    accumulate(arm, ForceSet::ALL, p, f_ext, &ws.links, &mut ws.loads);
+    solve(arm, ws, qdd);
+}
+
+/// Rates of (u, v, l) alone, for damping where velocities are left out of the rest.
+#[inline(always)]
+fn joint_rates<T: Real>(arm: &Arm<T>, qd: &[T], links: &mut [Link<T>]) {
+    for (i, (section, link)) in arm.sections.iter().zip(links).enumerate() {
+        link.rate = arc_from_lengths(Vec3([qd[3 * i], qd[3 * i + 1], qd[3 * i + 2]]), section.inverse_radius);
+    }
+}
+
+/// Joint accelerations from the loads and the velocity products in `ws`.
+#[inline(always)]
+pub(crate) fn solve<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T]) {
+    let Workspace { links, loads, joints, .. } = ws;
+    let (links, loads, joints) = (links.as_slice(), loads.as_slice(), joints.as_mut_slice());
+    let mut inertia = Inertia::zero();
+    let mut bias = Wrench::zero();
+    for (i, section) in arm.sections.iter().enumerate().rev() {
+        let (link, load) = (&links[i], &loads[i]);
+        let tensor = body_tensor(arm, section, link);
+        inertia = inertia.add(&Inertia::of_body(section, link, &tensor));
+        if arm.coriolis_forces {
+            bias.add(inertia_wrench(section, link, &tensor));
+        }
+        bias.torque -= load.on_head.torque;
+        bias.force -= load.on_head.force;
+        let joint = reduce(&inertia, &bias, link, load);
+        if i > 0 {
+            (inertia, bias) = hand_down(&inertia, &bias, &joint);
+        }
+        joints[i] = joint;
+    }
+    let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
+    for (i, section) in arm.sections.iter().enumerate() {
+        let (joint, s) = (&joints[i], &links[i].subspace);
+        let carried = joint.u.map(|(a, l)| a.dot(angular) + l.dot(linear));
+        let rate = joint.inverse.mul_vec(joint.force - Vec3(carried));
+        let (da, dl) = s.twist(rate);
+        angular += da;
+        linear += dl;
+        let lengths = lengths_from_arc(rate, section.bellows_radius);
+        qdd[3 * i..3 * i + 3].copy_from_slice(&lengths.0);
+    }
+}
+
+/// I^A S, (S^T I^A S)^-1 and the joint's remaining force.
+#[inline(always)]
+fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load: &Load<T>) -> Joint<T> {
+    let s = &link.subspace;
+    let along_l = s.linear[2];
+    let u = [
+        inertia.mul(s.angular[0], s.linear[0]),
+        inertia.mul(s.angular[1], s.linear[1]),
+        (inertia.coupling.mul_vec(along_l), inertia.translational.mul_vec(along_l)),
+    ];
+    let d = |r: usize, c: usize| s.angular[r].dot(u[c].0) + s.linear[r].dot(u[c].1);
+    let joint_inertia = Sym3([d(0, 0), d(0, 1), d(0, 2), d(1, 1), d(1, 2), along_l.dot(u[2].1)]);
+    Joint { u, inverse: joint_inertia.inverse(), force: load.on_arc - on_joint(link, bias) }
+}
+
+/// What the body below feels of the inertia and the bias above its joint.
+#[inline(always)]
+fn hand_down<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, joint: &Joint<T>) -> (Inertia<T>, Wrench<T>) {
+    let [xx, xy, xz, yy, yz, zz] = joint.inverse.0;
+    let u = &joint.u;
+    let mix = |a: T, b: T, c: T| (u[0].0 * a + u[1].0 * b + u[2].0 * c, u[0].1 * a + u[1].1 * b + u[2].1 * c);
+    let k = [mix(xx, xy, xz), mix(xy, yy, yz), mix(xz, yz, zz)];
+    let mut out = *inertia;
+    let upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+    for (e, (r, c)) in upper.into_iter().enumerate() {
+        out.rotational.0[e] -= k[0].0.0[r] * u[0].0.0[c] + k[1].0.0[r] * u[1].0.0[c] + k[2].0.0[r] * u[2].0.0[c];
+        out.translational.0[e] -= k[0].1.0[r] * u[0].1.0[c] + k[1].1.0[r] * u[1].1.0[c] + k[2].1.0[r] * u[2].1.0[c];
+    }
+    for r in 0..3 {
+        for c in 0..3 {
+            out.coupling.0[r][c] -= k[0].0.0[r] * u[0].1.0[c] + k[1].0.0[r] * u[1].1.0[c] + k[2].0.0[r] * u[2].1.0[c];
+        }
+    }
+    let [f0, f1, f2] = joint.force.0;
+    let mut below = *bias;
+    below.torque += k[0].0 * f0 + k[1].0 * f1 + k[2].0 * f2;
+    below.force += k[0].1 * f0 + k[1].1 * f1 + k[2].1 * f2;
+    (out, below)
+}
+
+/// The actuation force tau needed for the acceleration `qdd`: M q'' + C q' + N, into `tau`.
+#[inline(always)]
+pub fn inverse_dynamics_into<T: Real>(
+    arm: &Arm<T>,
+    q: &[T],
+    qd: &[T],
+    qdd: &[T],
+    f_ext: Option<&[Vec3<T>]>,
+    ws: &mut Workspace<T>,
+    tau: &mut [T],
+) {
+    let motion = if arm.coriolis_forces { Motion::Bias } else { Motion::Pose };
+    pass(arm, q, qd, motion, &mut ws.links);
+    if !arm.coriolis_forces {
+        joint_rates(arm, qd, &mut ws.links);
+    }
+    accumulate(arm, ForceSet::PASSIVE, &[], f_ext, &ws.links, &mut ws.loads);
+    let Workspace { links, loads, .. } = ws;
+    // Joint accelerations as a motion about O, which grows up the chain: A = sum S q''.
+    let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
+    for (i, section) in arm.sections.iter().enumerate() {
+        let link = &links[i];
+        let lengths = Vec3([qdd[3 * i], qdd[3 * i + 1], qdd[3 * i + 2]]);
+        let (da, dl) = link.subspace.twist(arc_from_lengths(lengths, section.inverse_radius));
+        angular += da;
+        linear += dl;
+        let tensor = body_tensor(arm, section, link);
+        let (torque, force) = Inertia::of_body(section, link, &tensor).mul(angular, linear);
+        let load = &mut loads[i].on_head;
+        load.torque -= torque;
+        load.force -= force;
+        if arm.coriolis_forces {
+            let wrench = inertia_wrench(section, link, &tensor);
+            load.torque -= wrench.torque;
+            load.force -= wrench.force;
+        }
+    }
+    crate::forces::project(links, loads, |i, force| {
+        let f = force_on_lengths(-force, arm.sections[i].inverse_radius);
+        tau[3 * i..3 * i + 3].copy_from_slice(&f.0);
+    });
+}

@@ -1,0 +1,169 @@
+//! The terms of M(q) q'' + C(q, q') q' + N(q, q') = tau(q, p) one by one, and d tau/dp.
+//!
+//! Source: paper (48)-(53); M and C as sums over composite bodies (Featherstone, ch. 6, for M; for C the form
+//! sum m J_v^T dJ_v/dt + J_w^T I dJ_w/dt + J_w^T [w]x I J_w, for which dM/dt - 2C is skew-symmetric).
+//! Matrices are row by row, coordinates are the lengths. O(n^2), which is their size.
+
+use super::Workspace;
+use super::recursion::{Inertia, body_tensor};
+use crate::arm::Arm;
+use crate::forces::{ForceSet, Load, accumulate, project};
+use crate::kinematics::chain::{Link, Motion, pass, subspace_rate};
+use crate::kinematics::coordinates::force_on_lengths;
+use crate::kinematics::section::Subspace;
+use crate::linear::{Mat3, Vec3};
+use crate::real::Real;
+
+/// S^T (angular, linear) for the three columns of a subspace.
+#[inline(always)]
+fn transposed<T: Real>(s: &Subspace<T>, (torque, force): (Vec3<T>, Vec3<T>)) -> Vec3<T> {
+    Vec3([
+        s.angular[0].dot(torque) + s.linear[0].dot(force),
+        s.angular[1].dot(torque) + s.linear[1].dot(force),
+        s.linear[2].dot(force),
+    ])
+}
+
+/// Column `k` of a subspace.
+#[inline(always)]
+fn column<T: Real>(s: &Subspace<T>, k: usize) -> (Vec3<T>, Vec3<T>) {
+    (if k < 2 { s.angular[k] } else { Vec3::zero() }, s.linear[k])
+}
+
+/// Writes a 3 x 3 block by (u, v, l), given by columns, as a block by lengths at (3 row, 3 column) of an m x m matrix.
+fn write_block<T: Real>(
+    columns: [Vec3<T>; 3],
+    (row, row_inverse_radius): (usize, T),
+    (col, col_inverse_radius): (usize, T),
+    m: usize,
+    out: &mut [T],
+) {
+    let left = columns.map(|c| force_on_lengths(c, row_inverse_radius));
+    for r in 0..3 {
+        let by_lengths = force_on_lengths(Vec3([left[0].0[r], left[1].0[r], left[2].0[r]]), col_inverse_radius);
+        for c in 0..3 {
+            out[(3 * row + r) * m + 3 * col + c] = by_lengths.0[c];
+        }
+    }
+}
+
+/// M(q), (49), into `out` (m x m, row by row).
+pub fn inertia_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
+    pass(arm, q, &[], Motion::Pose, &mut ws.links);
+    let (m, links) = (arm.coordinates(), &ws.links);
+    let mut composite = Inertia::zero();
+    for i in (0..links.len()).rev() {
+        let (section, link) = (&arm.sections[i], &links[i]);
+        composite = composite.add(&Inertia::of_body(section, link, &body_tensor(arm, section, link)));
+        let momenta = [0, 1, 2].map(|k| {
+            let (a, l) = column(&link.subspace, k);
+            composite.mul(a, l)
+        });
+        for j in 0..=i {
+            let columns = momenta.map(|w| transposed(&links[j].subspace, w));
+            let (rj, ri) = (arm.sections[j].inverse_radius, section.inverse_radius);
+            write_block(columns, (j, rj), (i, ri), m, out);
+            for r in 0..3 {
+                for c in 0..3 {
+                    out[(3 * i + c) * m + 3 * j + r] = out[(3 * j + r) * m + 3 * i + c];
+                }
+            }
+        }
+    }
+}
+
+/// The velocity-dependent companion of an inertia in C: [[rotational, 0], [translational, 0]] acting on S.
+#[derive(Clone, Copy)]
+struct Gyration<T> {
+    rotational: Mat3<T>,
+    translational: Mat3<T>,
+}
+
+impl<T: Real> Gyration<T> {
+    fn of_body(mass: T, link: &Link<T>, tensor: &Mat3<T>) -> Self {
+        let moving = Mat3::cross_matrix(link.center_velocity() * -mass);
+        let spin = Mat3::cross_matrix(link.angular_velocity).mul_mat(tensor);
+        Self { rotational: Mat3::cross_matrix(link.center).mul_mat(&moving).add(&spin), translational: moving }
+    }
+}
+
+/// C(q, q'), (50), into `out` (m x m, row by row); zero where the arm leaves Coriolis forces out.
+pub fn coriolis_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
+    out.fill(T::zero());
+    if !arm.coriolis_forces {
+        return;
+    }
+    pass(arm, q, qd, Motion::Velocity, &mut ws.links);
+    let (m, links) = (arm.coordinates(), &ws.links);
+    let mut composite = Inertia::zero();
+    let mut gyration = Gyration { rotational: Mat3::zero(), translational: Mat3::zero() };
+    for upper in (0..links.len()).rev() {
+        let (section, link) = (&arm.sections[upper], &links[upper]);
+        let tensor = body_tensor(arm, section, link);
+        composite = composite.add(&Inertia::of_body(section, link, &tensor));
+        let own = Gyration::of_body(section.mass, link, &tensor.to_mat());
+        gyration.rotational = gyration.rotational.add(&own.rotational);
+        gyration.translational = gyration.translational.add(&own.translational);
+        // Blocks (row, upper) with row <= upper and (upper, column) with column < upper share these composites.
+        for other in 0..=upper {
+            for (row, col) in [(other, upper), (upper, other)] {
+                if row == upper && col == upper && other != upper {
+                    continue;
+                }
+                let (s, s_t) = (&links[col].subspace, subspace_rate(arm, links, col));
+                let columns = [0, 1, 2].map(|k| {
+                    let ((a, _), (a_t, l_t)) = (column(s, k), column(&s_t, k));
+                    let (torque, force) = composite.mul(a_t, l_t);
+                    let torque = torque + gyration.rotational.mul_vec(a);
+                    let force = force + gyration.translational.mul_vec(a);
+                    transposed(&links[row].subspace, (torque, force))
+                });
+                let (rr, rc) = (arm.sections[row].inverse_radius, arm.sections[col].inverse_radius);
+                write_block(columns, (row, rr), (col, rc), m, out);
+            }
+        }
+    }
+}
+
+/// Generalized force on the lengths of the forces in `set`, into `out`.
+///
+/// tau (53) is `ForceSet { actuation: true, ..NONE }`; N (52) is minus [`ForceSet::PASSIVE`]. `qd` is read for damping only.
+pub fn generalized_force_into<T: Real>(
+    arm: &Arm<T>,
+    set: ForceSet,
+    (q, qd): (&[T], &[T]),
+    p: &[T],
+    f_ext: Option<&[Vec3<T>]>,
+    ws: &mut Workspace<T>,
+    out: &mut [T],
+) {
+    let motion = if set.damping { Motion::Velocity } else { Motion::Pose };
+    pass(arm, q, qd, motion, &mut ws.links);
+    accumulate(arm, set, p, f_ext, &ws.links, &mut ws.loads);
+    project(&ws.links, &ws.loads, |i, force| {
+        let f = force_on_lengths(force, arm.sections[i].inverse_radius);
+        out[3 * i..3 * i + 3].copy_from_slice(&f.0);
+    });
+}
+
+/// d tau/dp into `out` (coordinates x inputs, row by row): tau(q, p) = A(q) (p - p_amb), for all inputs at once.
+pub fn actuation_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
+    let inputs = arm.inputs;
+    pass(arm, q, &[], Motion::Pose, &mut ws.links);
+    let set = ForceSet { actuation: true, ..ForceSet::NONE };
+    let mut p = vec![arm.ambient_pressure; inputs];
+    let mut loads = vec![Load::zero(); arm.sections.len()];
+    for j in 0..inputs {
+        p[j] = arm.ambient_pressure + 1.0;
+        // One pascal above ambient loses digits against 1e5 Pa; the difference actually represented is divided out.
+        let unit = (p[j] - arm.ambient_pressure).recip();
+        accumulate(arm, set, &p, None, &ws.links, &mut loads);
+        project(&ws.links, &loads, |i, force| {
+            let f = force_on_lengths(force * unit, arm.sections[i].inverse_radius);
+            for k in 0..3 {
+                out[(3 * i + k) * inputs + j] = f.0[k];
+            }
+        });
+        p[j] = arm.ambient_pressure;
+    }
+}

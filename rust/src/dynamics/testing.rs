@@ -1,0 +1,78 @@
+//! Random arms and states for property tests.
+
+use crate::arm::Arm;
+use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
+use proptest::prelude::*;
+
+/// Unit numbers in [0, 1) from which a state is made once the arm's size is known.
+#[derive(Clone, Debug)]
+pub struct Seed(Vec<f64>);
+
+/// Strategy for states.
+pub fn states() -> impl Strategy<Value = Seed> {
+    prop::collection::vec(0.0..1.0_f64, 64).prop_map(Seed)
+}
+
+impl Seed {
+    /// Lengths between 0.1 and 0.3 m.
+    pub fn lengths(&self, arm: &Arm) -> Vec<f64> {
+        self.0[..arm.coordinates()].iter().map(|x| 0.1 + 0.2 * x).collect()
+    }
+    /// Rates between -0.5 and 0.5 m/s.
+    pub fn rates(&self, arm: &Arm) -> Vec<f64> {
+        self.0[16..16 + arm.coordinates()].iter().map(|x| x - 0.5).collect()
+    }
+    /// Other numbers between -1 and 1.
+    pub fn numbers(&self, count: usize) -> Vec<f64> {
+        self.0[32..32 + count].iter().map(|x| 2.0 * x - 1.0).collect()
+    }
+    /// Pressures between 0.7 and 2.2 bar.
+    pub fn pressures(&self, arm: &Arm) -> Vec<f64> {
+        self.0[48..48 + arm.inputs].iter().map(|x| 0.7e5 + 1.5e5 * x).collect()
+    }
+}
+
+fn section(index: usize, x: &[f64]) -> SectionParameters {
+    let radius = 0.05 + 0.07 * x[0];
+    let bellows = (0..3)
+        .map(|k| BellowsParameters {
+            angle: (120.0 * f64::from(k)).to_radians(),
+            radius,
+            terminal_area: 0.001 + 0.002 * x[1],
+            rest_length: 0.1 + 0.1 * x[2],
+            stiffness: vec![500.0 + 1000.0 * x[3], 800.0 * x[4], 9000.0 * x[5]],
+            damping: 5.0 + 10.0 * x[6],
+            input: 3 * index + k as usize,
+        })
+        .collect();
+    SectionParameters {
+        mass: 0.2 + x[7],
+        inertia: [0.002 + 0.004 * x[8], 0.003 + 0.002 * x[9], 0.002 + 0.003 * x[10]],
+        center_of_mass: [0.03 * (x[11] - 0.5), 0.03 * (x[12] - 0.5), 0.05 * (x[13] - 0.5)],
+        bellows_radius: radius,
+        base_offset: 0.03 * x[14],
+        head_offset: 0.03 * x[15],
+        bending_stiffness: [1.0 + 3.0 * x[16], 0.3 * x[17]],
+        length_range: [0.1, 0.3],
+        bellows,
+    }
+}
+
+/// Strategy for arms of 1 to 5 sections.
+pub fn arms() -> impl Strategy<Value = Arm> {
+    let sections = prop::collection::vec(prop::collection::vec(0.0..1.0_f64, 18), 1..=5);
+    (sections, prop::array::uniform3(-9.81..9.81_f64), any::<bool>()).prop_map(|(sections, gravity, end_force)| {
+        let inputs = (0..3 * sections.len()).map(|k| format!("p{k}")).collect();
+        Arm::new(&ArmParameters {
+            name: "random".to_owned(),
+            gravity,
+            ambient_pressure: 101_325.0,
+            force_model: if end_force { ForceModel::EndForce } else { ForceModel::WorkConjugate },
+            rotational_energy: true,
+            coriolis_forces: true,
+            inputs,
+            section: sections.iter().enumerate().map(|(i, x)| section(i, x)).collect(),
+        })
+        .expect("the strategy makes valid arms")
+    })
+}

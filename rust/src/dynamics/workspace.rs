@@ -1,0 +1,34 @@
+//! Everything computed for an arm, allocated once.
+
+use super::recursion::Joint;
+use crate::arm::Arm;
+use crate::forces::Load;
+use crate::kinematics::chain::Link;
+use crate::linear::Vec3;
+use crate::real::Real;
+
+/// Work space of one arm: nothing inside a step allocates.
+#[derive(Clone, Debug)]
+pub struct Workspace<T = f64> {
+    /// Kinematics of each section.
+    pub links: Vec<Link<T>>,
+    /// Forces on each section.
+    pub loads: Vec<Load<T>>,
+    /// Articulated-body quantities of each section.
+    pub(crate) joints: Vec<Joint<T>>,
+    /// A force for each section, for callers that assemble `f_ext`.
+    pub external: Vec<Vec3<T>>,
+}
+
+impl<T: Real> Workspace<T> {
+    /// Work space for `arm`.
+    pub fn new(arm: &Arm<T>) -> Self {
+        let n = arm.sections.len();
+        Self {
+            links: vec![Link::base(); n],
+            loads: vec![Load::zero(); n],
+            joints: vec![Joint::zero(); n],
+            external: vec![Vec3::zero(); n],
+        }
+    }
+}

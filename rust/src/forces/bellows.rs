@@ -1,0 +1,95 @@
+//! Bellows forces: pressure, spring and damping, and how they act on the arm.
+//!
+//! Source: paper (25)-(27), (29)-(32); `work_conjugate` is ours (`docs/model.md`).
+//! Sign: a positive force pushes the two ends of the bellows apart. F = A_P (p - p_amb) - F_spr(b) - d b', with b the
+//! length of this bellows, b = l - x u - y v for a bellows at (x, y) of the section.
+//!
+//! `end_force` (the paper's): F acts in head i's z direction at (x, y) of head i, and -F in the same direction's place on
+//! the head below, at that head's own radius: (27) takes the reaction of section i + 1 at r_B,ik of head i. For bellows
+//! that are not three equal ones this means (x, y) scaled by the ratio of the sections' radii.
+//! `work_conjugate`: Q = F db/d(u, v, l), the virtual work of F on its own change of length.
+//!
+//! Limits: massless bellows whose force is along z at both ends; torsion of the section is not modelled.
+
+use super::{ForceSet, Load, Wrench};
+use crate::arm::{Arm, Bellows, Section};
+use crate::kinematics::chain::Link;
+use crate::linear::Vec3;
+use crate::parameters::ForceModel;
+use crate::real::Real;
+
+/// Length of a bellows at (u, v, l), or its rate at (u', v', l').
+#[inline(always)]
+pub fn length<T: Real>(b: &Bellows<T>, arc: Vec3<T>) -> T {
+    arc.z() - b.x * arc.x() - b.y * arc.y()
+}
+
+/// Spring force F_spr, a polynomial in (length - rest_length) without constant term.
+#[inline(always)]
+fn spring<T: Real>(b: &Bellows<T>, length: T) -> T {
+    let e = length - b.rest_length;
+    let mut sum = T::zero();
+    for k in b.stiffness[..b.stiffness_terms].iter().rev() {
+        sum = (sum + *k) * e;
+    }
+    sum
+}
+
+/// Energy in the spring, the integral of F_spr from the rest length, J.
+pub fn spring_energy<T: Real>(b: &Bellows<T>, length: T) -> T {
+    let e = length - b.rest_length;
+    let mut sum = T::zero();
+    for (k, s) in b.stiffness[..b.stiffness_terms].iter().enumerate().rev() {
+        sum = (sum + *s * (1.0 / (k as f64 + 2.0))) * e;
+    }
+    sum * e
+}
+
+/// Adds the forces of section `i`'s bellows to its own load and the one below.
+#[inline(always)]
+pub(super) fn add<T: Real>(
+    arm: &Arm<T>,
+    i: usize,
+    section: &Section<T>,
+    set: ForceSet,
+    p: &[T],
+    links: &[Link<T>],
+    loads: &mut [Load<T>],
+) {
+    let link = &links[i];
+    let (mut along, mut moment_x, mut moment_y) = (T::zero(), T::zero(), T::zero());
+    for b in &section.bellows {
+        let mut force = T::zero();
+        if set.actuation {
+            force += b.terminal_area * (p[b.input] - arm.ambient_pressure);
+        }
+        if set.spring {
+            force -= spring(b, length(b, link.arc));
+        }
+        if set.damping {
+            force -= b.damping * length(b, link.rate);
+        }
+        along += force;
+        moment_x += b.x * force;
+        moment_y += b.y * force;
+    }
+    match arm.force_model {
+        ForceModel::WorkConjugate => loads[i].on_arc += Vec3([-moment_x, -moment_y, along]),
+        ForceModel::EndForce => {
+            let torque = Vec3([moment_y, -moment_x, T::zero()]);
+            loads[i].on_head.add(end_wrench(link, torque, along));
+            if i > 0 {
+                let below = &links[i - 1];
+                loads[i - 1].on_head.add(end_wrench(below, torque * -section.reaction_scale, -along));
+            }
+        }
+    }
+}
+
+/// A torque (head frame, about the head's origin) and a force along the head's z, as a wrench about O.
+#[inline(always)]
+fn end_wrench<T: Real>(link: &Link<T>, torque: Vec3<T>, along: T) -> Wrench<T> {
+    let force = link.rotation.column(2) * along;
+    let turned = link.rotation.column(0) * torque.x() + link.rotation.column(1) * torque.y();
+    Wrench { torque: turned + link.position.cross(force), force }
+}

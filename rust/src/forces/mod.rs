@@ -1,0 +1,143 @@
+//! The forces on the arm, one file each, and [`accumulate`], the one function that sums them.
+//!
+//! Every force adds to two accumulators per section: a generalized force on (u, v, l), and a wrench on the head body,
+//! (torque about the base's origin O, force), in the base frame. [`project`] turns both into generalized forces.
+
+mod bellows;
+mod bending;
+mod body;
+
+use crate::arm::Arm;
+use crate::kinematics::chain::Link;
+use crate::linear::Vec3;
+use crate::real::Real;
+
+/// A wrench in the base frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Wrench<T> {
+    /// Torque about the base's origin O, N m.
+    pub torque: Vec3<T>,
+    /// Force, N.
+    pub force: Vec3<T>,
+}
+
+impl<T: Real> Wrench<T> {
+    /// No wrench.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { torque: Vec3::zero(), force: Vec3::zero() }
+    }
+    /// A force at a point.
+    #[inline(always)]
+    pub fn at(point: Vec3<T>, force: Vec3<T>) -> Self {
+        Self { torque: point.cross(force), force }
+    }
+    /// Adds another wrench.
+    #[inline(always)]
+    pub fn add(&mut self, other: Self) {
+        self.torque += other.torque;
+        self.force += other.force;
+    }
+}
+
+/// What acts on one section.
+#[derive(Clone, Copy, Debug)]
+pub struct Load<T> {
+    /// Generalized force on (u, v, l).
+    pub on_arc: Vec3<T>,
+    /// Wrench on the head body.
+    pub on_head: Wrench<T>,
+}
+
+impl<T: Real> Load<T> {
+    /// No load.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { on_arc: Vec3::zero(), on_head: Wrench::zero() }
+    }
+}
+
+/// Which forces to sum: the parts of tau and of N by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ForceSet {
+    /// Bellows pressure, paper (25).
+    pub actuation: bool,
+    /// Bellows springs, paper (26).
+    pub spring: bool,
+    /// Bellows damping, paper (26).
+    pub damping: bool,
+    /// Bending stiffness, paper (33)-(35).
+    pub bending: bool,
+    /// Weight, paper (33)-(35).
+    pub gravity: bool,
+    /// External forces, paper (28).
+    pub external: bool,
+}
+
+impl ForceSet {
+    /// Everything.
+    pub const ALL: Self =
+        Self { actuation: true, spring: true, damping: true, bending: true, gravity: true, external: true };
+    /// Everything but the actuation: N.
+    pub const PASSIVE: Self = Self { actuation: false, ..Self::ALL };
+    /// Nothing, to switch single forces on.
+    pub const NONE: Self =
+        Self { actuation: false, spring: false, damping: false, bending: false, gravity: false, external: false };
+}
+
+/// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
+///
+/// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's centre of
+/// mass in the base frame, N (none: no external force).
+#[inline(always)]
+pub fn accumulate<T: Real>(
+    arm: &Arm<T>,
+    set: ForceSet,
+    p: &[T],
+    f_ext: Option<&[Vec3<T>]>,
+    links: &[Link<T>],
+    loads: &mut [Load<T>],
+) {
+    loads.fill(Load::zero());
+    for (i, section) in arm.sections.iter().enumerate() {
+        let link = &links[i];
+        bellows::add(arm, i, section, set, p, links, loads);
+        if set.bending {
+            loads[i].on_arc += bending::on_arc(section, link.arc);
+        }
+        if set.gravity {
+            loads[i].on_head.add(body::weight(section, arm.gravity, link));
+        }
+        if set.external
+            && let Some(f) = f_ext
+        {
+            loads[i].on_head.add(Wrench::at(link.center, f[i]));
+        }
+    }
+}
+
+/// Generalized forces on (u, v, l) of each section from `loads`: what acts on the arc itself and, by virtual work, the
+/// wrenches on this head and all heads above. Works in place on a copy of the running sum only.
+#[inline(always)]
+pub fn project<T: Real>(links: &[Link<T>], loads: &[Load<T>], mut each: impl FnMut(usize, Vec3<T>)) {
+    let mut above = Wrench::zero();
+    for i in (0..links.len()).rev() {
+        above.add(loads[i].on_head);
+        each(i, loads[i].on_arc + on_joint(&links[i], &above));
+    }
+}
+
+/// The generalized force of a wrench on one section's (u, v, l), paper (17).
+#[inline(always)]
+pub fn on_joint<T: Real>(link: &Link<T>, w: &Wrench<T>) -> Vec3<T> {
+    let s = &link.subspace;
+    Vec3([
+        s.angular[0].dot(w.torque) + s.linear[0].dot(w.force),
+        s.angular[1].dot(w.torque) + s.linear[1].dot(w.force),
+        s.linear[2].dot(w.force),
+    ])
+}
+
+pub use bellows::{length, spring_energy};
+pub use bending::energy as bending_energy;
+pub use body::gravity_energy;

@@ -1,0 +1,165 @@
+//! What drives an arm: pressures and external forces sampled at times of their own.
+
+use crate::error::{Error, Result};
+
+/// What holds between two samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interpolation {
+    /// The straight line between them.
+    Linear,
+    /// The earlier one.
+    Hold,
+}
+
+impl Interpolation {
+    /// By the user's name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        match name {
+            "linear" => Some(Self::Linear),
+            "hold" => Some(Self::Hold),
+            _ => None,
+        }
+    }
+}
+
+/// Samples of all channels at common, irregular times; before the first and after the last sample that one holds.
+/// Two samples at the same time are a jump.
+#[derive(Clone, Debug)]
+pub struct Input {
+    times: Vec<f64>,
+    /// Row by row: pressures, Pa absolute.
+    pressures: Vec<f64>,
+    pressure_count: usize,
+    /// Row by row: forces at the sections' centres of mass, N, or empty.
+    forces: Vec<f64>,
+    force_count: usize,
+    interpolation: Interpolation,
+}
+
+/// Where a reader of an [`Input`] stands; moves forward cheaply.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Cursor(usize);
+
+impl Input {
+    /// Samples at `times` (ascending, repeats allowed): `pressures` with `pressure_count` values a row, `forces` with
+    /// `force_count` (0: none).
+    ///
+    /// # Errors
+    /// [`Error::Input`] for sizes that do not fit, times that run backwards, values that are not finite.
+    pub fn new(
+        times: Vec<f64>,
+        (pressures, pressure_count): (Vec<f64>, usize),
+        (forces, force_count): (Vec<f64>, usize),
+        interpolation: Interpolation,
+    ) -> Result<Self> {
+        let rows = times.len();
+        if rows == 0 {
+            return Err(Error::Input("the input has no samples; at least one is needed".to_owned()));
+        }
+        for (name, found, count) in
+            [("pressures", pressures.len(), pressure_count), ("forces", forces.len(), force_count)]
+        {
+            if found != rows * count {
+                return Err(Error::Input(format!("{name}: {found} values; {rows} samples of {count} are needed")));
+            }
+        }
+        for (name, values, count) in
+            [("time", &times, 1), ("pressures", &pressures, pressure_count), ("forces", &forces, force_count)]
+        {
+            if let Some(k) = values.iter().position(|x| !x.is_finite()) {
+                let (row, column, value) = (k / count, k % count, values[k]);
+                return Err(Error::Input(format!(
+                    "input {name}: sample {row}, channel {column} is {value}; finite numbers are needed"
+                )));
+            }
+        }
+        if let Some(k) = times.windows(2).position(|w| w[1] < w[0]) {
+            let (a, b) = (times[k], times[k + 1]);
+            return Err(Error::Input(format!("input time runs backwards from {a} to {b} s at sample {}", k + 1)));
+        }
+        Ok(Self { times, pressures, pressure_count, forces, force_count, interpolation })
+    }
+
+    /// Whether it has external forces.
+    pub fn has_forces(&self) -> bool {
+        self.force_count > 0
+    }
+
+    /// First sample time.
+    pub fn start(&self) -> f64 {
+        self.times[0]
+    }
+
+    /// Last sample time.
+    pub fn end(&self) -> f64 {
+        self.times[self.times.len() - 1]
+    }
+
+    /// The last sample at or before `t` (`before`: strictly before, the limit from the left).
+    #[inline(always)]
+    fn locate(&self, t: f64, before: bool, cursor: &mut Cursor) -> usize {
+        let past = |k: usize| if before { self.times[k] < t } else { self.times[k] <= t };
+        let mut k = cursor.0.min(self.times.len() - 1);
+        let mut scanned = 0;
+        while k + 1 < self.times.len() && past(k + 1) && scanned < 8 {
+            k += 1;
+            scanned += 1;
+        }
+        if scanned == 8 || !past(k) {
+            let count =
+                if before { self.times.partition_point(|x| *x < t) } else { self.times.partition_point(|x| *x <= t) };
+            k = count.saturating_sub(1);
+        }
+        cursor.0 = k;
+        k
+    }
+
+    /// Sample index and weight of the next sample at `t`. `before` takes the limit from the left.
+    #[inline(always)]
+    pub fn weight(&self, t: f64, before: bool, cursor: &mut Cursor) -> (usize, f64) {
+        let k = self.locate(t, before, cursor);
+        if self.interpolation == Interpolation::Hold || k + 1 >= self.times.len() {
+            return (k, 0.0);
+        }
+        let (t0, t1) = (self.times[k], self.times[k + 1]);
+        if t1 > t0 { (k, ((t - t0) / (t1 - t0)).clamp(0.0, 1.0)) } else { (k, 0.0) }
+    }
+
+    /// Pressure `channel` at a place that [`Input::weight`] gave.
+    #[inline(always)]
+    pub fn pressure(&self, (k, w): (usize, f64), channel: usize) -> f64 {
+        let n = self.pressure_count;
+        let a = self.pressures[k * n + channel];
+        if w == 0.0 { a } else { a + w * (self.pressures[(k + 1) * n + channel] - a) }
+    }
+
+    /// Force `channel` at a place that [`Input::weight`] gave.
+    #[inline(always)]
+    pub fn force(&self, (k, w): (usize, f64), channel: usize) -> f64 {
+        let n = self.force_count;
+        let a = self.forces[k * n + channel];
+        if w == 0.0 { a } else { a + w * (self.forces[(k + 1) * n + channel] - a) }
+    }
+
+    /// The first time after `t` at which a channel jumps.
+    pub fn next_jump(&self, t: f64, cursor: &mut Cursor) -> f64 {
+        let mut k = self.locate(t, false, cursor);
+        while k + 1 < self.times.len() {
+            let jumps = match self.interpolation {
+                Interpolation::Hold => true,
+                Interpolation::Linear => self.times[k + 1] == self.times[k],
+            };
+            if jumps && self.times[k + 1] > t && self.differs(k) {
+                return self.times[k + 1];
+            }
+            k += 1;
+        }
+        f64::INFINITY
+    }
+
+    fn differs(&self, k: usize) -> bool {
+        let (n, m) = (self.pressure_count, self.force_count);
+        self.pressures[k * n..(k + 1) * n] != self.pressures[(k + 1) * n..(k + 2) * n]
+            || self.forces[k * m..(k + 1) * m] != self.forces[(k + 1) * m..(k + 2) * m]
+    }
+}

@@ -1,0 +1,31 @@
+//! Explicit Runge-Kutta integration: tableaux as data, one stepping loop that knows no method.
+
+mod runge_kutta;
+mod tableau;
+
+pub use runge_kutta::{Integrator, Options, Statistics};
+pub use tableau::{DORMAND_PRINCE_54, Method, RK4, Tableau};
+
+use crate::real::Real;
+
+/// A system of ordinary differential equations x' = f(t, x), possibly with hidden states of its own.
+///
+/// Hidden states are those that are better advanced by an exact update than by the integrator (stiff or not smooth). The
+/// system keeps them: [`System::derivative`] may work out their value at a stage from the one at the step's start, and
+/// [`System::end_step`] commits them. A rejected step is simply begun again.
+pub trait System<T: Real> {
+    /// A step from (`t0`, `x0`) to `t1` begins (or begins again, shorter).
+    fn begin_step(&mut self, _t0: f64, _t1: f64, _x0: &[T]) {}
+    /// f(t, x) into `dx`, within the step begun last.
+    fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]);
+    /// The step was accepted and ended at (`t1`, `x1`).
+    fn end_step(&mut self, _t1: f64, _x1: &[T]) {}
+    /// The first time after `t` at which f is discontinuous in t; steps end there.
+    fn next_break(&mut self, _t: f64) -> f64 {
+        f64::INFINITY
+    }
+    /// Why the state `x` cannot be gone on from, if so.
+    fn objection(&self, _x: &[T]) -> Option<String> {
+        None
+    }
+}

@@ -1,0 +1,160 @@
+//! The chain of sections: poses, motion subspaces, velocities and velocity-product accelerations in the base frame.
+//!
+//! Source: paper (13), (14), (19)-(24), (66)-(73); written as a recursion over the sections.
+//! Frame: base frame, spatial quantities about the base's origin O: the linear part of a motion subspace is the velocity
+//! of the body-fixed point that is at O just now. Inertias and wrenches about one common point add without transformation
+//! (Featherstone, *Rigid Body Dynamics Algorithms*, sec. 2.10, 7.3), which is what makes the articulated-body recursion cheap here.
+//! Limits: those of `section`.
+
+use super::coordinates::arc_from_lengths;
+use super::section::{Bent, Subspace};
+use crate::arm::Arm;
+use crate::linear::{Mat3, Vec3};
+use crate::real::Real;
+
+/// What is known of one section and its head body, in the base frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Link<T> {
+    /// (u, v, l).
+    pub arc: Vec3<T>,
+    /// (u', v', l').
+    pub rate: Vec3<T>,
+    /// Orientation of the head.
+    pub rotation: Mat3<T>,
+    /// Origin of the head, m.
+    pub position: Vec3<T>,
+    /// Centre of mass, m.
+    pub center: Vec3<T>,
+    /// Motion subspace about O.
+    pub subspace: Subspace<T>,
+    /// Angular velocity, rad/s.
+    pub angular_velocity: Vec3<T>,
+    /// Velocity of the head's origin, m/s.
+    pub velocity: Vec3<T>,
+    /// Angular acceleration, rad/s^2: from velocity products alone unless accelerations were asked for.
+    pub angular_acceleration: Vec3<T>,
+    /// Acceleration of the head's origin, m/s^2, likewise.
+    pub acceleration: Vec3<T>,
+}
+
+impl<T: Real> Link<T> {
+    /// A body at rest at the base.
+    #[inline(always)]
+    pub fn base() -> Self {
+        let o = Vec3::zero();
+        Self {
+            arc: o,
+            rate: o,
+            rotation: Mat3::identity(),
+            position: o,
+            center: o,
+            subspace: Subspace { angular: [o; 2], linear: [o; 3] },
+            angular_velocity: o,
+            velocity: o,
+            angular_acceleration: o,
+            acceleration: o,
+        }
+    }
+
+    /// Velocity of the centre of mass, m/s.
+    #[inline(always)]
+    pub fn center_velocity(&self) -> Vec3<T> {
+        self.velocity + self.angular_velocity.cross(self.center - self.position)
+    }
+}
+
+/// How much of the motion a pass computes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Motion {
+    /// Poses and subspaces.
+    Pose,
+    /// Velocities too.
+    Velocity,
+    /// Velocities and velocity-product accelerations.
+    Bias,
+}
+
+/// One step up the chain: the body above `below`.
+#[inline(always)]
+pub fn step<T: Real>(
+    below: &Link<T>,
+    bent: &Bent<T>,
+    arc: Vec3<T>,
+    rate: Vec3<T>,
+    center_of_mass: Vec3<T>,
+    motion: Motion,
+) -> Link<T> {
+    let r = &below.rotation;
+    let pose = bent.pose();
+    let local = bent.subspace();
+    let reach = r.mul_vec(pose.position);
+    let position = below.position + reach;
+    let rotation = r.mul_mat(&pose.rotation);
+    let angular = local.angular.map(|e| r.mul_vec(e));
+    let linear = local.linear.map(|f| r.mul_vec(f));
+    let subspace = Subspace {
+        angular,
+        linear: [linear[0] + position.cross(angular[0]), linear[1] + position.cross(angular[1]), linear[2]],
+    };
+    let mut link = Link {
+        arc,
+        rate,
+        rotation,
+        position,
+        center: position + rotation.mul_vec(center_of_mass),
+        subspace,
+        ..Link::base()
+    };
+    if motion == Motion::Pose {
+        return link;
+    }
+    let (omega, velocity) = Subspace { angular, linear }.twist(rate);
+    let turn = below.angular_velocity.cross(reach);
+    link.angular_velocity = below.angular_velocity + omega;
+    link.velocity = below.velocity + turn + velocity;
+    if motion == Motion::Bias {
+        let bias = bent.bias(rate);
+        link.angular_acceleration =
+            below.angular_acceleration + r.mul_vec(bias.angular) + below.angular_velocity.cross(omega);
+        link.acceleration = below.acceleration
+            + below.angular_acceleration.cross(reach)
+            + below.angular_velocity.cross(turn + velocity * T::from_f64(2.0))
+            + r.mul_vec(bias.linear);
+    }
+    link
+}
+
+/// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
+#[inline(always)]
+pub fn pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mut [Link<T>]) {
+    let mut below = Link::base();
+    for (i, (section, link)) in arm.sections.iter().zip(links.iter_mut()).enumerate() {
+        let lengths = Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]);
+        let arc = arc_from_lengths(lengths, section.inverse_radius);
+        let rate = if motion == Motion::Pose {
+            Vec3::zero()
+        } else {
+            arc_from_lengths(Vec3([qd[3 * i], qd[3 * i + 1], qd[3 * i + 2]]), section.inverse_radius)
+        };
+        let bent = Bent::new(arc, section.base_offset, section.head_offset);
+        below = step(&below, &bent, arc, rate, section.center_of_mass, motion);
+        *link = below;
+    }
+}
+
+/// The subspaces' time derivatives about O, for the Coriolis matrix. Needs a pass with [`Motion::Velocity`] or more.
+pub fn subspace_rate<T: Real>(arm: &Arm<T>, links: &[Link<T>], index: usize) -> Subspace<T> {
+    let base = Link::base();
+    let below = if index == 0 { &base } else { &links[index - 1] };
+    let (section, link) = (&arm.sections[index], &links[index]);
+    let (r, omega) = (&below.rotation, below.angular_velocity);
+    let bent = Bent::new(link.arc, section.base_offset, section.head_offset);
+    let (local, rate) = (bent.subspace(), bent.subspace_rate(link.rate));
+    let turned = |value: Vec3<T>, derivative: Vec3<T>| r.mul_vec(derivative) + omega.cross(r.mul_vec(value));
+    let angular = [0, 1].map(|k| turned(local.angular[k], rate.angular[k]));
+    let mut linear = [0, 1, 2].map(|k| turned(local.linear[k], rate.linear[k]));
+    for k in 0..2 {
+        linear[k] += link.velocity.cross(link.subspace.angular[k]) + link.position.cross(angular[k]);
+    }
+    Subspace { angular, linear }
+}

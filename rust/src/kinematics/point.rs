@@ -1,0 +1,125 @@
+//! Pose and Jacobian of any point of the arm, and its shape.
+//!
+//! Source: paper (12), (14) for a point at a fraction of a section's arc, (u, v, l) scaled by that fraction
+//! (constant curvature: a part of an arc is an arc).
+//! Frame: base frame. Jacobian rows: velocity of the point, then angular velocity, per unit rate of each length.
+
+use super::chain::{Link, Motion, pass};
+use super::coordinates::force_on_lengths;
+use super::section::Bent;
+use crate::arm::Arm;
+use crate::linear::{Mat3, Vec3};
+use crate::real::Real;
+
+/// A point of the arm: `fraction` of the way along the arc of `section` (1: the head, its rigid piece included), moved
+/// by `offset` in the frame there.
+#[derive(Clone, Copy, Debug)]
+pub struct Point<T> {
+    /// Section index from 0.
+    pub section: usize,
+    /// 0 (start of the arc) to 1 (head).
+    pub fraction: f64,
+    /// Offset in the local frame, m.
+    pub offset: Vec3<T>,
+}
+
+/// Orientation and position of a point. `links` must hold a pass.
+pub fn pose<T: Real>(arm: &Arm<T>, links: &[Link<T>], point: &Point<T>) -> (Mat3<T>, Vec3<T>) {
+    let base = Link::base();
+    let below = if point.section == 0 { &base } else { &links[point.section - 1] };
+    let section = &arm.sections[point.section];
+    let head_offset = if point.fraction < 1.0 { T::zero() } else { section.head_offset };
+    let part = Bent::new(links[point.section].arc * T::from_f64(point.fraction), section.base_offset, head_offset);
+    let local = part.pose();
+    let rotation = below.rotation.mul_mat(&local.rotation);
+    let position = below.position + below.rotation.mul_vec(local.position) + rotation.mul_vec(point.offset);
+    (rotation, position)
+}
+
+/// The Jacobian of a point by the lengths, column by column: (velocity, angular velocity). Columns of sections above
+/// are zero. `columns` has one entry a coordinate.
+pub fn jacobian<T: Real>(arm: &Arm<T>, links: &[Link<T>], point: &Point<T>, columns: &mut [[Vec3<T>; 2]]) {
+    let (rotation, position) = pose(arm, links, point);
+    let base = Link::base();
+    for (i, section) in arm.sections.iter().enumerate() {
+        // Rows of the Jacobian by (u, v, l) transform to the lengths like generalized forces.
+        let (angular, linear) = if i < point.section {
+            let s = &links[i].subspace;
+            let e = [s.angular[0], s.angular[1], Vec3::zero()];
+            (e, [0, 1, 2].map(|k| s.linear[k] + e[k].cross(position)))
+        } else if i == point.section {
+            let below = if i == 0 { &base } else { &links[i - 1] };
+            let head_offset = if point.fraction < 1.0 { T::zero() } else { section.head_offset };
+            let f = T::from_f64(point.fraction);
+            let local = Bent::new(links[i].arc * f, section.base_offset, head_offset).subspace();
+            let arm_of_point = rotation.mul_vec(point.offset);
+            let turned = |v: Vec3<T>| below.rotation.mul_vec(v) * f;
+            let e = [turned(local.angular[0]), turned(local.angular[1]), Vec3::zero()];
+            (e, [0, 1, 2].map(|k| turned(local.linear[k]) + e[k].cross(arm_of_point)))
+        } else {
+            ([Vec3::zero(); 3], [Vec3::zero(); 3])
+        };
+        for row in 0..3 {
+            let pick = |v: &[Vec3<T>; 3]| {
+                force_on_lengths(Vec3([v[0].0[row], v[1].0[row], v[2].0[row]]), section.inverse_radius)
+            };
+            let (lin, ang) = (pick(&linear), pick(&angular));
+            for k in 0..3 {
+                columns[3 * i + k][0].0[row] = lin.0[k];
+                columns[3 * i + k][1].0[row] = ang.0[k];
+            }
+        }
+    }
+}
+
+/// Points along the whole arm from the base, `per_section` on each arc and the ends of the rigid pieces.
+pub fn shape(arm: &Arm<f64>, q: &[f64], per_section: usize, links: &mut [Link<f64>], out: &mut Vec<Vec3<f64>>) {
+    pass(arm, q, &[], Motion::Pose, links);
+    out.clear();
+    out.push(Vec3::zero());
+    for section in 0..arm.sections.len() {
+        for k in 0..=per_section {
+            // The last point of the arc, before the rigid piece, is a hair below fraction 1.
+            let fraction = (k as f64 / per_section as f64).min(1.0 - f64::EPSILON);
+            out.push(pose(arm, links, &Point { section, fraction, offset: Vec3::zero() }).1);
+        }
+        out.push(links[section].position);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::testing::{arms, states};
+    use crate::real::Dual;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn jacobian_is_the_derivative_of_the_pose(arm in arms(), seed in states(), fraction in 0.0..=1.0_f64, which in 0..5_usize) {
+            let q = seed.lengths(&arm);
+            let section = which % arm.sections.len();
+            let offset = Vec3([0.02, -0.01, 0.03]);
+            let mut links = vec![Link::base(); arm.sections.len()];
+            pass(&arm, &q, &[], Motion::Pose, &mut links);
+            let mut columns = vec![[Vec3::zero(); 2]; arm.coordinates()];
+            jacobian(&arm, &links, &Point { section, fraction, offset }, &mut columns);
+            let lifted = arm.lift::<Dual<1>>();
+            for (j, column) in columns.iter().enumerate() {
+                let dual: Vec<_> = q.iter().enumerate().map(|(k, &x)| Dual::<1>::variable(x, usize::from(k != j))).collect();
+                let mut links = vec![Link::base(); arm.sections.len()];
+                pass(&lifted, &dual, &[], Motion::Pose, &mut links);
+                let point = Point { section, fraction, offset: Vec3::from_f64(offset.0) };
+                let (rotation, position) = pose(&lifted, &links, &point);
+                let turn = Mat3::cross_matrix(column[1]);
+                for a in 0..3 {
+                    prop_assert!((position.0[a].derivative[0] - column[0].0[a]).abs() < 1e-11);
+                    for b in 0..3 {
+                        let expected: f64 = (0..3).map(|c| turn.0[a][c] * rotation.0[c][b].value).sum();
+                        prop_assert!((rotation.0[a][b].derivative[0] - expected).abs() < 1e-10);
+                    }
+                }
+            }
+        }
+    }
+}

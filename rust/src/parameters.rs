@@ -1,0 +1,90 @@
+//! What a parameter file says, fully expanded, as plain data.
+//!
+//! The keys are those of the schema `bha-arm/1`. The Python package validates a user's file and fills in defaults; this
+//! module reads the result (JSON) and [`crate::arm::Arm::new`] checks it again, so that the crate is safe on its own.
+
+use serde::{Deserialize, Serialize};
+
+/// How bellows forces act on the arm. See [`crate::forces`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceModel {
+    /// The paper's (27)-(32): a pair of end forces along the section's z axes.
+    EndForce,
+    /// Virtual work of the bellows on its own change of length.
+    WorkConjugate,
+}
+
+/// An arm. SI units; frames as in `docs/model.md`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArmParameters {
+    /// Name of the arm.
+    pub name: String,
+    /// Gravity in the base frame, m/s^2.
+    pub gravity: [f64; 3],
+    /// Ambient pressure, Pa absolute.
+    pub ambient_pressure: f64,
+    /// How bellows forces act.
+    pub force_model: ForceModel,
+    /// Whether the sections' rotational energy counts (paper: full model), or not (58).
+    #[serde(default = "yes")]
+    pub rotational_energy: bool,
+    /// Whether Coriolis and centrifugal forces count (paper: full model), or not (60).
+    #[serde(default = "yes")]
+    pub coriolis_forces: bool,
+    /// Names of the pressure inputs.
+    pub inputs: Vec<String>,
+    /// The sections from the base on.
+    pub section: Vec<SectionParameters>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// One section.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SectionParameters {
+    /// Lumped mass, kg.
+    pub mass: f64,
+    /// Principal moments of inertia about the centre of mass, along the head frame's axes, kg m^2.
+    pub inertia: [f64; 3],
+    /// Centre of mass r_S in the head frame, m.
+    pub center_of_mass: [f64; 3],
+    /// Radius r_B on which the three coordinate lengths lie, m.
+    pub bellows_radius: f64,
+    /// Rigid piece along z before the arc, m.
+    #[serde(default)]
+    pub base_offset: f64,
+    /// Rigid piece along z after the arc, m; the head frame sits at its end.
+    #[serde(default)]
+    pub head_offset: f64,
+    /// k1, k3 of M_bend = k1 psi + k3 psi^3, N m / rad and N m / rad^3.
+    pub bending_stiffness: [f64; 2],
+    /// Shortest and longest bellows length, m (not enforced by the dynamics).
+    pub length_range: [f64; 2],
+    /// The bellows of this section.
+    pub bellows: Vec<BellowsParameters>,
+}
+
+/// One bellows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BellowsParameters {
+    /// Angle about z from the x axis, rad.
+    pub angle: f64,
+    /// Distance from the backbone, m.
+    pub radius: f64,
+    /// Terminal area A_P, m^2.
+    pub terminal_area: f64,
+    /// Length without spring force, m.
+    pub rest_length: f64,
+    /// Spring force polynomial in (length - rest_length), ascending from the first power: N/m, N/m^2, ...
+    pub stiffness: Vec<f64>,
+    /// Viscous damping, N s/m.
+    pub damping: f64,
+    /// Index of the pressure input that feeds it.
+    pub input: usize,
+}

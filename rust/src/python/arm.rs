@@ -1,0 +1,397 @@
+//! The class `Arm`: the model of one arm.
+
+use super::arrays::{matrix, shaped, small, vector};
+use super::errors::{input, to_python};
+use crate::arm::Arm;
+use crate::dynamics::Workspace;
+use crate::dynamics::recursion::{forward_dynamics_into, inverse_dynamics_into};
+use crate::dynamics::statics;
+use crate::dynamics::terms::{
+    actuation_matrix_into, coriolis_matrix_into, generalized_force_into, inertia_matrix_into,
+};
+use crate::forces::ForceSet;
+use crate::kinematics::chain::{Motion, pass};
+use crate::kinematics::coordinates::configuration;
+use crate::kinematics::point::{Point, jacobian, pose, shape};
+use crate::linear::Vec3;
+use crate::parameters::ArmParameters;
+use numpy::{PyArray1, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+/// The model of one arm, from the fully expanded parameters as JSON.
+#[pyclass(name = "Arm", module = "bha._core", subclass, frozen)]
+pub struct PyArm {
+    pub(super) arm: Arc<Arm>,
+    ws: Mutex<Workspace>,
+}
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
+impl PyArm {
+    /// A panic inside the model leaves no half-written result behind: every call overwrites the work space.
+    fn workspace(&self) -> MutexGuard<'_, Workspace> {
+        self.ws.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    fn size(&self) -> usize {
+        self.arm.coordinates()
+    }
+
+    /// External forces, one row a section.
+    fn external(&self, f_ext: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<Vec3<f64>>>> {
+        let Some(f) = f_ext else { return Ok(None) };
+        let f = matrix(f, "f_ext", (self.arm.sections.len(), 3))?;
+        Ok(Some(f.as_slice()?.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect()))
+    }
+
+    fn force(&self, set: ForceSet, (q, qd): (&[f64], &[f64]), p: &[f64], f_ext: Option<&[Vec3<f64>]>) -> Vec<f64> {
+        let mut out = vec![0.0; self.size()];
+        generalized_force_into(&self.arm, set, (q, qd), p, f_ext, &mut self.workspace(), &mut out);
+        out
+    }
+
+    fn point(&self, py: Python<'_>, section: usize, fraction: f64, offset: [f64; 3]) -> PyResult<Point<f64>> {
+        let count = self.arm.sections.len();
+        if section == 0 || section > count {
+            return Err(input(py, format!("section: {section} does not exist; 1 to {count} are allowed")));
+        }
+        if !(0.0..=1.0).contains(&fraction) {
+            return Err(input(py, format!("fraction: {fraction} is outside 0 to 1")));
+        }
+        if offset.iter().any(|x| !x.is_finite()) {
+            return Err(input(py, format!("offset: {offset:?}; finite numbers are needed")));
+        }
+        Ok(Point { section: section - 1, fraction, offset: Vec3(offset) })
+    }
+}
+
+#[pymethods]
+impl PyArm {
+    #[new]
+    #[pyo3(signature = (parameters_json))]
+    fn new(py: Python<'_>, parameters_json: &str) -> PyResult<Self> {
+        let parameters: ArmParameters =
+            serde_json::from_str(parameters_json).map_err(|e| input(py, format!("parameters: {e}")))?;
+        let arm = Arm::new(&parameters).map_err(|e| to_python(py, &e))?;
+        Ok(Self { ws: Mutex::new(Workspace::new(&arm)), arm: Arc::new(arm) })
+    }
+
+    /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the base frame. Paper (14).
+    fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
+        let (py, n) = (q.py(), self.arm.sections.len());
+        let q = vector(q, "q", self.size())?;
+        let mut ws = self.workspace();
+        pass(&self.arm, q.as_slice()?, &[], Motion::Pose, &mut ws.links);
+        let positions = ws.links.iter().flat_map(|l| l.position.0).collect();
+        let rotations = ws.links.iter().flat_map(|l| l.rotation.0).flatten().collect();
+        Ok((shaped(py, positions, [n, 3])?, shaped(py, rotations, [n, 3, 3])?))
+    }
+
+    /// Orientation (3, 3) and position (3,) of a point of the arm in the base frame.
+    #[pyo3(signature = (q, section, fraction = 1.0, offset = [0.0; 3]))]
+    fn point_pose<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        section: usize,
+        fraction: f64,
+        offset: [f64; 3],
+    ) -> PyResult<(Matrix<'py>, Vector<'py>)> {
+        let py = q.py();
+        let point = self.point(py, section, fraction, offset)?;
+        let q = vector(q, "q", self.size())?;
+        let mut ws = self.workspace();
+        pass(&self.arm, q.as_slice()?, &[], Motion::Pose, &mut ws.links);
+        let (rotation, position) = pose(&self.arm, &ws.links, &point);
+        Ok((shaped(py, rotation.0.concat(), [3, 3])?, small(py, &position.0)))
+    }
+
+    /// Jacobian (6, 3n) of a point by the lengths: velocity, then angular velocity, in the base frame.
+    #[pyo3(signature = (q, section, fraction = 1.0, offset = [0.0; 3]))]
+    fn jacobian<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        section: usize,
+        fraction: f64,
+        offset: [f64; 3],
+    ) -> PyResult<Matrix<'py>> {
+        let (py, m) = (q.py(), self.size());
+        let point = self.point(py, section, fraction, offset)?;
+        let q = vector(q, "q", m)?;
+        let mut ws = self.workspace();
+        pass(&self.arm, q.as_slice()?, &[], Motion::Pose, &mut ws.links);
+        let mut columns = vec![[Vec3::zero(); 2]; m];
+        jacobian(&self.arm, &ws.links, &point, &mut columns);
+        let element = |row: usize| columns.iter().map(move |c| c[row / 3].0[row % 3]);
+        shaped(py, (0..6).flat_map(element).collect(), [6, m])
+    }
+
+    /// Points (k, 3) along the backbone from the base on, `points_per_section` + 1 on each arc and the ends of rigid pieces.
+    #[pyo3(signature = (q, points_per_section = 20))]
+    fn shape<'py>(&self, q: &Bound<'py, PyAny>, points_per_section: usize) -> PyResult<Matrix<'py>> {
+        let py = q.py();
+        if points_per_section == 0 {
+            return Err(input(py, "points_per_section: 0; at least 1 is needed".to_owned()));
+        }
+        let q = vector(q, "q", self.size())?;
+        let mut out = Vec::new();
+        shape(&self.arm, q.as_slice()?, points_per_section, &mut self.workspace().links, &mut out);
+        shaped(py, out.iter().flat_map(|p| p.0).collect(), [out.len(), 3])
+    }
+
+    /// The paper's configuration (n, 3) of (7): phi, kappa, l of each section; phi = 0 where a section is straight.
+    fn configuration<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        let (py, n) = (q.py(), self.arm.sections.len());
+        let q = vector(q, "q", self.size())?;
+        let values = q.as_slice()?.chunks_exact(3).zip(&self.arm.sections);
+        let out = values.flat_map(|(c, s)| configuration([c[0], c[1], c[2]], s.bellows_radius)).collect();
+        shaped(py, out, [n, 3])
+    }
+
+    /// The terms of M q'' + C q' + N = tau. Paper (48)-(53).
+    #[pyo3(signature = (q, qd, p, f_ext = None))]
+    fn dynamics_terms(
+        &self,
+        q: &Bound<'_, PyAny>,
+        qd: &Bound<'_, PyAny>,
+        p: &Bound<'_, PyAny>,
+        f_ext: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<DynamicsTerms> {
+        let (py, m) = (q.py(), self.size());
+        let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
+        let p = vector(p, "p", self.arm.inputs)?;
+        let f = self.external(f_ext)?;
+        let (q, qd, p) = (q.as_slice()?, qd.as_slice()?, p.as_slice()?);
+        let (mut inertia, mut coriolis) = (vec![0.0; m * m], vec![0.0; m * m]);
+        inertia_matrix_into(&self.arm, q, &mut self.workspace(), &mut inertia);
+        coriolis_matrix_into(&self.arm, q, qd, &mut self.workspace(), &mut coriolis);
+        let actuation = ForceSet { actuation: true, ..ForceSet::NONE };
+        let passive = self.force(ForceSet::PASSIVE, (q, qd), &[], f.as_deref());
+        Ok(DynamicsTerms {
+            inertia_matrix: shaped(py, inertia, [m, m])?.unbind(),
+            coriolis_matrix: shaped(py, coriolis, [m, m])?.unbind(),
+            bias_force: small(py, &passive.iter().map(|f| -f).collect::<Vec<_>>()).unbind(),
+            actuation_force: small(py, &self.force(actuation, (q, qd), p, None)).unbind(),
+        })
+    }
+
+    /// N's parts by name (spring, damping, bending, gravity, external), each (3n,); they add up to `bias_force`. Paper (52).
+    #[pyo3(signature = (q, qd, f_ext = None))]
+    fn bias_force_parts<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        f_ext: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let (py, m) = (q.py(), self.size());
+        let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
+        let f = self.external(f_ext)?;
+        let none = ForceSet::NONE;
+        let out = PyDict::new(py);
+        for (name, set) in [
+            ("spring", ForceSet { spring: true, ..none }),
+            ("damping", ForceSet { damping: true, ..none }),
+            ("bending", ForceSet { bending: true, ..none }),
+            ("gravity", ForceSet { gravity: true, ..none }),
+            ("external", ForceSet { external: true, ..none }),
+        ] {
+            let force = self.force(set, (q.as_slice()?, qd.as_slice()?), &[], f.as_deref());
+            out.set_item(name, small(py, &force.iter().map(|f| 0.0 - f).collect::<Vec<_>>()))?;
+        }
+        Ok(out)
+    }
+
+    /// M (3n, 3n). Paper (49).
+    fn inertia_matrix<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        let (py, m) = (q.py(), self.size());
+        let q = vector(q, "q", m)?;
+        let mut out = vec![0.0; m * m];
+        inertia_matrix_into(&self.arm, q.as_slice()?, &mut self.workspace(), &mut out);
+        shaped(py, out, [m, m])
+    }
+
+    /// C (3n, 3n), in the form for which dM/dt - 2C is skew-symmetric. Paper (50).
+    fn coriolis_matrix<'py>(&self, q: &Bound<'py, PyAny>, qd: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        let (py, m) = (q.py(), self.size());
+        let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
+        let mut out = vec![0.0; m * m];
+        coriolis_matrix_into(&self.arm, q.as_slice()?, qd.as_slice()?, &mut self.workspace(), &mut out);
+        shaped(py, out, [m, m])
+    }
+
+    /// N (3n,): springs, damping, bending, gravity, external forces. Paper (52).
+    #[pyo3(signature = (q, qd, f_ext = None))]
+    fn bias_force<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        f_ext: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vector<'py>> {
+        let (py, m) = (q.py(), self.size());
+        let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
+        let f = self.external(f_ext)?;
+        let passive = self.force(ForceSet::PASSIVE, (q.as_slice()?, qd.as_slice()?), &[], f.as_deref());
+        Ok(small(py, &passive.iter().map(|f| -f).collect::<Vec<_>>()))
+    }
+
+    /// tau (3n,). Paper (53).
+    fn actuation_force<'py>(&self, q: &Bound<'py, PyAny>, p: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
+        let (q, p) = (vector(q, "q", self.size())?, vector(p, "p", self.arm.inputs)?);
+        let set = ForceSet { actuation: true, ..ForceSet::NONE };
+        Ok(small(q.py(), &self.force(set, (q.as_slice()?, &[]), p.as_slice()?, None)))
+    }
+
+    /// d tau/dp (3n, inputs): tau = A(q) (p - p_amb).
+    fn actuation_matrix<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        let (py, m, inputs) = (q.py(), self.size(), self.arm.inputs);
+        let q = vector(q, "q", m)?;
+        let mut out = vec![0.0; m * inputs];
+        actuation_matrix_into(&self.arm, q.as_slice()?, &mut self.workspace(), &mut out);
+        shaped(py, out, [m, inputs])
+    }
+
+    /// q'' (3n,), in O(n). Paper (48).
+    #[pyo3(signature = (q, qd, p, f_ext = None))]
+    fn forward_dynamics<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        p: &Bound<'py, PyAny>,
+        f_ext: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vector<'py>> {
+        let (py, m) = (q.py(), self.size());
+        let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
+        let p = vector(p, "p", self.arm.inputs)?;
+        let f = self.external(f_ext)?;
+        let out = PyArray1::zeros(py, m, false);
+        let (q, qd, p) = (q.as_slice()?, qd.as_slice()?, p.as_slice()?);
+        {
+            let mut view = numpy::PyArrayMethods::readwrite(&out);
+            let qdd = view.as_slice_mut()?;
+            forward_dynamics_into(&self.arm, q, qd, p, f.as_deref(), &mut self.workspace(), qdd);
+        }
+        Ok(out)
+    }
+
+    /// The actuation force tau (3n,) needed for an acceleration: M q'' + C q' + N. Paper (48).
+    #[pyo3(signature = (q, qd, qdd, f_ext = None))]
+    fn inverse_dynamics<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        qdd: &Bound<'py, PyAny>,
+        f_ext: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vector<'py>> {
+        let (py, m) = (q.py(), self.size());
+        let (q, qd, qdd) = (vector(q, "q", m)?, vector(qd, "qd", m)?, vector(qdd, "qdd", m)?);
+        let f = self.external(f_ext)?;
+        let mut out = vec![0.0; m];
+        let (q, qd, qdd) = (q.as_slice()?, qd.as_slice()?, qdd.as_slice()?);
+        inverse_dynamics_into(&self.arm, q, qd, qdd, f.as_deref(), &mut self.workspace(), &mut out);
+        Ok(small(py, &out))
+    }
+
+    /// Energies at a state, J. Paper (16), (33), (36)-(38).
+    fn energy(&self, q: &Bound<'_, PyAny>, qd: &Bound<'_, PyAny>) -> PyResult<Energy> {
+        let m = self.size();
+        let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
+        let e = crate::dynamics::energy::energy(&self.arm, q.as_slice()?, qd.as_slice()?, &mut self.workspace());
+        Ok(Energy(e))
+    }
+
+    /// Lengths (3n,) at rest: static coupled (62), N(q, 0) = tau(q, p); with `coupled=False` spring forces against pressure only.
+    #[pyo3(signature = (p, f_ext = None, *, coupled = true, start = None))]
+    fn static_lengths<'py>(
+        &self,
+        p: &Bound<'py, PyAny>,
+        f_ext: Option<&Bound<'py, PyAny>>,
+        coupled: bool,
+        start: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vector<'py>> {
+        let py = p.py();
+        let p = vector(p, "p", self.arm.inputs)?;
+        let f = self.external(f_ext)?;
+        let result = if coupled {
+            let start = start.map(|s| vector(s, "start", self.size())).transpose()?;
+            let start = start.as_ref().map(|s| s.as_slice()).transpose()?;
+            statics::static_lengths(&self.arm, p.as_slice()?, f.as_deref(), start)
+        } else {
+            statics::static_decoupled_lengths(&self.arm, p.as_slice()?)
+        };
+        result.map(|q| small(py, &q)).map_err(|e| to_python(py, &e))
+    }
+}
+
+/// M, C, N and tau at one state.
+#[pyclass(module = "bha._core", frozen)]
+pub struct DynamicsTerms {
+    /// M (3n, 3n).
+    #[pyo3(get)]
+    inertia_matrix: Py<PyArray2<f64>>,
+    /// C (3n, 3n).
+    #[pyo3(get)]
+    coriolis_matrix: Py<PyArray2<f64>>,
+    /// N (3n,).
+    #[pyo3(get)]
+    bias_force: Py<PyArray1<f64>>,
+    /// tau (3n,).
+    #[pyo3(get)]
+    actuation_force: Py<PyArray1<f64>>,
+}
+
+/// Energies, J.
+#[pyclass(module = "bha._core", frozen)]
+pub struct Energy(crate::dynamics::energy::Energy);
+
+#[pymethods]
+impl Energy {
+    /// Translational kinetic energy.
+    #[getter]
+    fn translational(&self) -> f64 {
+        self.0.translational
+    }
+    /// Rotational kinetic energy.
+    #[getter]
+    fn rotational(&self) -> f64 {
+        self.0.rotational
+    }
+    /// Potential of the weight, zero at the base's origin.
+    #[getter]
+    fn gravity(&self) -> f64 {
+        self.0.gravity
+    }
+    /// Energy of bending.
+    #[getter]
+    fn bending(&self) -> f64 {
+        self.0.bending
+    }
+    /// Energy in the bellows' springs.
+    #[getter]
+    fn spring(&self) -> f64 {
+        self.0.spring
+    }
+    /// Kinetic energy.
+    #[getter]
+    fn kinetic(&self) -> f64 {
+        self.0.kinetic()
+    }
+    /// Potential energy, springs included.
+    #[getter]
+    fn potential(&self) -> f64 {
+        self.0.potential()
+    }
+    /// Kinetic and potential energy.
+    #[getter]
+    fn total(&self) -> f64 {
+        self.0.total()
+    }
+    fn __repr__(&self) -> String {
+        let e = &self.0;
+        format!(
+            "Energy(translational={:.6e}, rotational={:.6e}, gravity={:.6e}, bending={:.6e}, spring={:.6e})",
+            e.translational, e.rotational, e.gravity, e.bending, e.spring
+        )
+    }
+}

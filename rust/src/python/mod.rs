@@ -1,0 +1,19 @@
+//! The extension module `bha._core`: one file per exposed class, one for arrays, one for errors.
+
+mod arm;
+mod arrays;
+mod errors;
+mod simulation;
+
+use pyo3::prelude::*;
+
+/// Compiled core of the package; use it through `bha`.
+#[pymodule]
+fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add_class::<arm::PyArm>()?;
+    m.add_class::<arm::DynamicsTerms>()?;
+    m.add_class::<arm::Energy>()?;
+    m.add_class::<simulation::PySimulation>()?;
+    Ok(())
+}

@@ -1,0 +1,119 @@
+//! The scalar that the model is written over.
+//!
+//! The equations of motion are written once, generic over [`Real`]: `f64` runs one arm, lanes run several abreast,
+//! dual numbers ([`Dual`]) carry exact derivatives. The hot path has no branch that depends on a value; where a law is
+//! one-sided, [`Real::select`] chooses between two values that were both computed.
+
+mod dual;
+
+pub use dual::Dual;
+
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// A real number, several of them abreast, or one with its derivatives.
+pub trait Real:
+    Copy
+    + Debug
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f64, Output = Self>
+    + Sub<f64, Output = Self>
+    + Mul<f64, Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+{
+    /// The constant `x`: the same in every lane, with no derivative.
+    fn from_f64(x: f64) -> Self;
+    /// Zero.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::from_f64(0.0)
+    }
+    /// One.
+    #[inline(always)]
+    fn one() -> Self {
+        Self::from_f64(1.0)
+    }
+    /// `self * a + b`; fused where the scalar's instruction set has it, else rounded twice.
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        self * a + b
+    }
+    /// `1 / self`.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::one() / self
+    }
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Exponential.
+    fn exp(self) -> Self;
+    /// Hyperbolic tangent.
+    fn tanh(self) -> Self;
+    /// Absolute value (derivative at zero: that of `+x`).
+    fn abs(self) -> Self;
+    /// `then` where `condition > 0`, else `otherwise`; both are computed.
+    fn select(condition: Self, then: Self, otherwise: Self) -> Self;
+    /// The larger of two.
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(self - other, self, other)
+    }
+    /// The smaller of two.
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(other - self, self, other)
+    }
+    /// Whether every lane and every derivative is finite.
+    fn is_finite(self) -> bool;
+    /// The largest value over the lanes, derivatives left out (for checks and step control, never inside the model).
+    fn largest(self) -> f64;
+    /// The smallest value over the lanes.
+    #[inline(always)]
+    fn smallest(self) -> f64 {
+        -(-self).largest()
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        f64::tanh(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+    #[inline(always)]
+    fn select(condition: Self, then: Self, otherwise: Self) -> Self {
+        if condition > 0.0 { then } else { otherwise }
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        f64::is_finite(self)
+    }
+    #[inline(always)]
+    fn largest(self) -> f64 {
+        self
+    }
+}

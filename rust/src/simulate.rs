@@ -1,0 +1,119 @@
+//! An arm simulated under an input: initial rest, integration, rows of output.
+
+use crate::arm::Arm;
+use crate::dynamics::Workspace;
+use crate::dynamics::statics::static_lengths;
+use crate::error::{Error, Result};
+use crate::input::{Cursor, Input};
+use crate::integrate::{Integrator, Options, Statistics};
+use crate::kinematics::chain::{Motion, pass};
+use crate::linear::Vec3;
+use crate::plant::Plant;
+use std::sync::Arc;
+
+/// A simulation under way; [`Simulation::advance`] may be called again and again.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    plant: Plant,
+    integrator: Integrator<f64>,
+    ws: Workspace,
+    cursor: Cursor,
+}
+
+/// Rows of output at the times asked for; fewer if the run ended early.
+#[derive(Clone, Debug, Default)]
+pub struct Rows {
+    /// Lengths, 3n a row, m.
+    pub lengths: Vec<f64>,
+    /// Their rates, 3n a row, m/s.
+    pub velocities: Vec<f64>,
+    /// Pressures, one an input a row, Pa.
+    pub pressures: Vec<f64>,
+    /// Origins of the heads in the base frame, 3n a row, m.
+    pub head_positions: Vec<f64>,
+    /// Number of rows.
+    pub count: usize,
+}
+
+impl Simulation {
+    /// The arm at time `start` with lengths `q` and rates `qd`: at rest under the first pressures and forces if not given.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for sizes that do not fit, [`Error::Convergence`] if there is no rest to start from.
+    pub fn new(
+        arm: Arc<Arm>,
+        input: Arc<Input>,
+        options: Options,
+        start: f64,
+        q: Option<&[f64]>,
+        qd: Option<&[f64]>,
+    ) -> Result<Self> {
+        let n = arm.coordinates();
+        let mut cursor = Cursor::default();
+        let place = input.weight(start, false, &mut cursor);
+        for (name, given) in [("q", q), ("qd", qd)] {
+            if let Some(v) = given
+                && (v.len() != n || v.iter().any(|x| !x.is_finite()))
+            {
+                return Err(Error::Input(format!("initial {name}: {n} finite numbers are needed, found {v:?}")));
+            }
+        }
+        let rest;
+        let q = match q {
+            Some(q) => q,
+            None => {
+                let p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
+                let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
+                let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
+                rest = static_lengths(&arm, &p, f.as_deref(), None)?;
+                &rest
+            }
+        };
+        let mut x = q.to_vec();
+        x.extend_from_slice(qd.unwrap_or(&vec![0.0; n]));
+        let ws = Workspace::new(&arm);
+        Ok(Self { integrator: Integrator::new(options, start, &x), plant: Plant::new(arm, input), ws, cursor })
+    }
+
+    /// Goes on to the last of `times` (ascending, not before the present time) and returns a row at each.
+    ///
+    /// The rows computed before a failure are returned beside the error. `stop` is asked now and then.
+    pub fn advance(&mut self, times: &[f64], stop: &mut impl FnMut() -> bool) -> (Rows, Result<()>) {
+        let Self { plant, integrator, ws, cursor } = self;
+        let (arm, input) = (plant.arm.clone(), plant.input.clone());
+        let n = arm.coordinates();
+        let mut rows = Rows {
+            lengths: Vec::with_capacity(times.len() * n),
+            velocities: Vec::with_capacity(times.len() * n),
+            pressures: Vec::with_capacity(times.len() * arm.inputs),
+            head_positions: Vec::with_capacity(times.len() * n),
+            count: 0,
+        };
+        let mut sink = |t: f64, x: &[f64]| {
+            rows.lengths.extend_from_slice(&x[..n]);
+            rows.velocities.extend_from_slice(&x[n..2 * n]);
+            let place = input.weight(t, false, cursor);
+            rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+            pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
+            rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
+            rows.count += 1;
+        };
+        let result = integrator.run(plant, times, &mut sink, stop);
+        (rows, result)
+    }
+
+    /// Counts so far.
+    pub fn statistics(&self) -> Statistics {
+        self.integrator.statistics()
+    }
+
+    /// The earliest time at which output can still be given, s: the start of the last step.
+    pub fn earliest(&self) -> f64 {
+        self.integrator.earliest()
+    }
+
+    /// End of the last step, s.
+    pub fn time(&self) -> f64 {
+        self.integrator.time()
+    }
+}
