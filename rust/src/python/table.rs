@@ -8,6 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList};
 
+use super::errors::log;
 use crate::table::{Column, ColumnUse, Fault, ReadColumn, TableError, TableReader, format_rows};
 
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -17,8 +18,8 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// Read a table of numbers from a CSV file, plain or gzip.
 ///
-/// `plan` gets the headings and returns for each a pair of its use ("skip", "number", "time" or "free") and the least
-/// value it may have. `progress` gets bytes read and size of the file. Returns for each heading an array, None where it
+/// `plan` gets the headings and returns for each its use ("skip", "number", "time" or "free"), the least value it may
+/// have, and what to say of a smaller one. `progress` gets bytes read and size of the file. Returns for each heading an array, None where it
 /// was skipped, or (line, text) where a free column holds something else than numbers; and whether the last line has no
 /// end. Raises LogError; what `plan` and `progress` raise comes back as it is.
 #[pyfunction]
@@ -34,27 +35,18 @@ fn read_table<'py>(
     let reader = TableReader::open(&path).map_err(|error| wrong(py, &error))?;
     let columns = plan
         .call1((reader.headings().to_vec(),))?
-        .extract::<Vec<(String, f64)>>()?
+        .extract::<Vec<(String, f64, String)>>()?
         .into_iter()
-        .map(|(used, least)| {
-            Ok(Column {
-                used: column_use(&used)?,
-                least,
-            })
-        })
+        .map(|(used, least, hint)| Ok(Column { used: column_use(&used)?, least, hint }))
         .collect::<PyResult<Vec<_>>>()?;
     if columns.len() != reader.headings().len() {
-        return Err(PyValueError::new_err(
-            "the plan must have one entry for each heading",
-        ));
+        return Err(PyValueError::new_err("the plan must have one entry for each heading"));
     }
     let mut raised = None;
     let mut watch = |done: u64, size: u64| {
         let told = Python::attach(|py| {
             py.check_signals()?;
-            progress
-                .as_ref()
-                .map_or(Ok(()), |call| call.call1(py, (done, size)).map(drop))
+            progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done, size)).map(drop))
         });
         match told {
             Ok(()) => ControlFlow::Continue(()),
@@ -83,18 +75,9 @@ fn read_table<'py>(
 /// Lines of text for a block of rows: fields separated by commas, each number in the fewest digits that read back to
 /// the same number, nothing for NaN. `columns` are contiguous float64 arrays of one length.
 #[pyfunction]
-fn format_table_rows<'py>(
-    py: Python<'py>,
-    columns: Vec<PyReadonlyArray1<'py, f64>>,
-) -> PyResult<Bound<'py, PyBytes>> {
-    let columns = columns
-        .iter()
-        .map(|column| column.as_slice())
-        .collect::<Result<Vec<_>, _>>()?;
-    if columns
-        .windows(2)
-        .any(|pair| pair[0].len() != pair[1].len())
-    {
+fn format_table_rows<'py>(py: Python<'py>, columns: Vec<PyReadonlyArray1<'py, f64>>) -> PyResult<Bound<'py, PyBytes>> {
+    let columns = columns.iter().map(|column| column.as_slice()).collect::<Result<Vec<_>, _>>()?;
+    if columns.windows(2).any(|pair| pair[0].len() != pair[1].len()) {
         return Err(PyValueError::new_err("the columns differ in length"));
     }
     let mut text = Vec::new();
@@ -108,19 +91,15 @@ fn column_use(name: &str) -> PyResult<ColumnUse> {
         "number" => Ok(ColumnUse::Number),
         "time" => Ok(ColumnUse::Time),
         "free" => Ok(ColumnUse::Free),
-        other => Err(PyValueError::new_err(format!(
-            "unknown use of a column: {other:?}"
-        ))),
+        other => Err(PyValueError::new_err(format!("unknown use of a column: {other:?}"))),
     }
 }
 
 fn log_error(py: Python<'_>, path: &str, error: &TableError) -> PyErr {
-    let separator = if error.line.is_some() { ", " } else { ": " };
-    let text = match error.fault {
-        Fault::NotAFile | Fault::Binary(_) | Fault::NoRows => format!("{path} {error}"),
-        _ => format!("{path}{separator}{error}"),
+    let separator = match error.fault {
+        _ if error.line.is_some() => ", ",
+        Fault::NotAFile | Fault::Binary(_) | Fault::NoRows => " ",
+        _ => ": ",
     };
-    py.import("bha.errors")
-        .and_then(|errors| errors.getattr("LogError")?.call1((text,)))
-        .map_or_else(|failure| failure, PyErr::from_value)
+    log(py, format!("{path}{separator}{error}"))
 }

@@ -30,10 +30,7 @@ impl fmt::Display for TableError {
         }
         write!(f, "{}", self.fault)?;
         if self.cut {
-            write!(
-                f,
-                "; the file ends inside this line: was it cut off, or is it still being written?"
-            )?;
+            write!(f, "; the file ends inside this line: was it cut off, or is it still being written?")?;
         }
         Ok(())
     }
@@ -75,9 +72,7 @@ pub enum Fault {
         found: usize,
     },
     /// A cell without a value.
-    #[error(
-        "the cell is empty; write the last known value, as a sensor that holds it would, or remove the row"
-    )]
+    #[error("the cell is empty; write the last known value, as a sensor that holds it would, or remove the row")]
     EmptyCell,
     /// A cell with something else than a number.
     #[error("found {0:?}; expected a number such as -1.5 or 2.5e3")]
@@ -86,17 +81,17 @@ pub enum Fault {
     #[error("found {0:?}; expected a finite number: write the last known value or remove the row")]
     NotFinite(String),
     /// A value that the quantity cannot have.
-    #[error("found {found:?}, below the least possible value {least}")]
+    #[error("found {found:?}, below the least possible value {least:?}; {hint}")]
     TooSmall {
         /// The value.
         found: f64,
         /// The limit.
         least: f64,
+        /// Why, and what to do.
+        hint: String,
     },
     /// A time before the one above it.
-    #[error(
-        "time runs backwards, from {previous:?} to {found:?}; times may repeat but not decrease"
-    )]
+    #[error("time runs backwards, from {previous:?} to {found:?}; times may repeat but not decrease")]
     Backwards {
         /// The time before.
         previous: f64,
@@ -119,29 +114,18 @@ pub enum Fault {
 
 impl From<Fault> for TableError {
     fn from(fault: Fault) -> Self {
-        Self {
-            line: None,
-            column: None,
-            cut: false,
-            fault,
-        }
+        Self { line: None, column: None, cut: false, fault }
     }
 }
 
 impl Fault {
     pub(super) fn at(self, line: u64) -> TableError {
-        TableError {
-            line: Some(line),
-            ..self.into()
-        }
+        TableError { line: Some(line), ..self.into() }
     }
 
     /// What a failed read means, given whether the bytes come out of a gzip file.
     pub(super) fn from_io(error: io::Error, unpacking: Unpacking) -> Self {
-        if error
-            .get_ref()
-            .is_some_and(|inner| inner.is::<LineTooLong>())
-        {
+        if error.get_ref().is_some_and(|inner| inner.is::<LineTooLong>()) {
             return Self::LineTooLong;
         }
         match (unpacking, error.kind()) {

@@ -7,10 +7,7 @@
 /// If the columns differ in length.
 pub fn format_rows(columns: &[&[f64]], out: &mut Vec<u8>) {
     let rows = columns.first().map_or(0, |column| column.len());
-    assert!(
-        columns.iter().all(|column| column.len() == rows),
-        "columns of one length"
-    );
+    assert!(columns.iter().all(|column| column.len() == rows), "columns of one length");
     let mut digits = ryu::Buffer::new();
     for row in 0..rows {
         for (index, column) in columns.iter().enumerate() {

@@ -31,12 +31,14 @@ pub enum ColumnUse {
 }
 
 /// What a column is for and what it may hold.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Column {
     /// What it is for.
     pub used: ColumnUse,
     /// Least possible value of a `Number`; negative infinity for no limit.
     pub least: f64,
+    /// What to say of a smaller value: why it cannot be, what to do.
+    pub hint: String,
 }
 
 /// What came of a column.
@@ -90,9 +92,7 @@ impl TableReader {
             .from_reader(source.text);
         let mut record = ByteRecord::new();
         let unpacking = source.unpacking;
-        lines
-            .read_byte_record(&mut record)
-            .map_err(|error| read_fault(error, unpacking, 1))?;
+        lines.read_byte_record(&mut record).map_err(|error| read_fault(error, unpacking, 1))?;
         let headings = record
             .iter()
             .map(|field| String::from_utf8(field.to_vec()).map(|heading| heading.trim().to_owned()))
@@ -103,14 +103,7 @@ impl TableReader {
         {
             return Err(Fault::Separator(separator).at(1));
         }
-        Ok(Self {
-            lines,
-            counts: source.counts,
-            unpacking,
-            size: source.size,
-            crlf: source.crlf,
-            headings,
-        })
+        Ok(Self { lines, counts: source.counts, unpacking, size: source.size, crlf: source.crlf, headings })
     }
 
     /// The headings in the order of the file, without surrounding blanks.
@@ -132,11 +125,7 @@ impl TableReader {
         columns: &[Column],
         watch: &mut (dyn FnMut(u64, u64) -> ControlFlow<()> + Send),
     ) -> Result<Table, TableError> {
-        assert_eq!(
-            columns.len(),
-            self.headings.len(),
-            "one column for each heading"
-        );
+        assert_eq!(columns.len(), self.headings.len(), "one column for each heading");
         let mut found: Vec<ReadColumn> = columns
             .iter()
             .map(|column| match column.used {
@@ -152,11 +141,7 @@ impl TableReader {
         loop {
             self.counts.line_start.set(self.lines.position().byte());
             let line = self.lines.position().line();
-            if !self
-                .lines
-                .read_byte_record(&mut record)
-                .map_err(|error| read_fault(error, self.unpacking, line))?
-            {
+            if !self.lines.read_byte_record(&mut record).map_err(|error| read_fault(error, self.unpacking, line))? {
                 break;
             }
             let line = self.line_of_last_record();
@@ -180,11 +165,7 @@ impl TableReader {
             }
         }
         stopped(watch(self.size, self.size))?;
-        Ok(Table {
-            rows,
-            columns: found,
-            unterminated: self.counts.last.get() != u64::from(b'\n'),
-        })
+        Ok(Table { rows, columns: found, unterminated: self.counts.last.get() != u64::from(b'\n') })
     }
 
     /// Line of the record just read, for records of one line, as all rows of numbers are.
@@ -193,8 +174,7 @@ impl TableReader {
     fn line_of_last_record(&self) -> u64 {
         let after = self.lines.position();
         // Of "\r\n" the reader has taken "\r" alone when the record is done; a last line may have no end at all.
-        let unterminated =
-            self.counts.last.get() != u64::from(b'\n') && after.byte() >= self.counts.text.get();
+        let unterminated = self.counts.last.get() != u64::from(b'\n') && after.byte() >= self.counts.text.get();
         after.line() - u64::from(!self.crlf && !unterminated)
     }
 
@@ -206,27 +186,17 @@ impl TableReader {
         found: &mut [ReadColumn],
     ) -> Result<(), TableError> {
         if record.len() != columns.len() {
-            let fault = Fault::FieldCount {
-                expected: columns.len(),
-                found: record.len(),
-            };
+            let fault = Fault::FieldCount { expected: columns.len(), found: record.len() };
             return Err(self.locate(fault, line, None));
         }
-        for (index, (field, (column, found))) in
-            record.iter().zip(columns.iter().zip(found)).enumerate()
-        {
+        for (index, (field, (column, found))) in record.iter().zip(columns.iter().zip(found)).enumerate() {
             let ReadColumn::Numbers(numbers) = found else {
                 continue;
             };
             if column.used == ColumnUse::Free {
                 match parse_free(field) {
                     Some(number) => numbers.push(number),
-                    None => {
-                        *found = ReadColumn::Text {
-                            line,
-                            found: shown(field),
-                        }
-                    }
+                    None => *found = ReadColumn::Text { line, found: shown(field) },
                 }
                 continue;
             }
@@ -260,15 +230,11 @@ fn read_fault(error: csv::Error, unpacking: Unpacking, line: u64) -> TableError 
 }
 
 fn stopped(flow: ControlFlow<()>) -> Result<(), TableError> {
-    if flow.is_break() {
-        Err(Fault::Stopped.into())
-    } else {
-        Ok(())
-    }
+    if flow.is_break() { Err(Fault::Stopped.into()) } else { Ok(()) }
 }
 
 fn parse(field: &[u8]) -> Result<f64, Fault> {
-    let field = field.trim_ascii();
+    let field = without_blanks(field);
     if field.is_empty() {
         return Err(Fault::EmptyCell);
     }
@@ -276,26 +242,16 @@ fn parse(field: &[u8]) -> Result<f64, Fault> {
         .ok()
         .and_then(|text| text.parse().ok())
         .ok_or_else(|| Fault::NotANumber(shown(field)))?;
-    if number.is_finite() {
-        Ok(number)
-    } else {
-        Err(Fault::NotFinite(shown(field)))
-    }
+    if number.is_finite() { Ok(number) } else { Err(Fault::NotFinite(shown(field))) }
 }
 
 fn check(number: f64, column: &Column, previous: Option<&f64>) -> Result<f64, Fault> {
     if number < column.least {
-        return Err(Fault::TooSmall {
-            found: number,
-            least: column.least,
-        });
+        return Err(Fault::TooSmall { found: number, least: column.least, hint: column.hint.clone() });
     }
     match previous {
         Some(&previous) if column.used == ColumnUse::Time && number < previous => {
-            Err(Fault::Backwards {
-                previous,
-                found: number,
-            })
+            Err(Fault::Backwards { previous, found: number })
         }
         _ => Ok(number),
     }
@@ -310,8 +266,16 @@ fn parse_free(field: &[u8]) -> Option<f64> {
     }
 }
 
+/// Without surrounding blanks. Line ends stay: within a cell they come from a quote that is not closed.
+fn without_blanks(mut field: &[u8]) -> &[u8] {
+    while let [b' ' | b'\t', rest @ ..] | [rest @ .., b' ' | b'\t'] = field {
+        field = rest;
+    }
+    field
+}
+
 fn shown(field: &[u8]) -> String {
-    let text = String::from_utf8_lossy(field.trim_ascii());
+    let text = String::from_utf8_lossy(without_blanks(field));
     if text.chars().count() <= SHOWN {
         text.into_owned()
     } else {

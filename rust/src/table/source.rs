@@ -72,16 +72,9 @@ pub(super) fn open(path: &Path) -> Result<Source, Fault> {
         return Err(Fault::NotAFile);
     }
     let counts = Arc::new(Counts::default());
-    let mut disk = OnDisk {
-        file,
-        counts: Arc::clone(&counts),
-    };
+    let mut disk = OnDisk { file, counts: Arc::clone(&counts) };
     let start = probe(&mut disk).map_err(Fault::Io)?;
-    let unpacking = if start.starts_with(&[0x1f, 0x8b]) {
-        Unpacking::Gzip
-    } else {
-        Unpacking::Plain
-    };
+    let unpacking = if start.starts_with(&[0x1f, 0x8b]) { Unpacking::Gzip } else { Unpacking::Plain };
     let whole = Cursor::new(start).chain(disk);
     let mut text: Box<dyn Read + Send> = match unpacking {
         Unpacking::Plain => Box::new(whole),
@@ -91,17 +84,8 @@ pub(super) fn open(path: &Path) -> Result<Source, Fault> {
     refuse_other_kinds(&start)?;
     let line_end = start.iter().position(|&byte| byte == b'\n').unwrap_or(0);
     let crlf = line_end > 0 && start[line_end - 1] == b'\r';
-    let text = Box::new(Text {
-        inner: Cursor::new(start).chain(text),
-        counts: Arc::clone(&counts),
-    });
-    Ok(Source {
-        text,
-        counts,
-        unpacking,
-        size: about.len(),
-        crlf,
-    })
+    let text = Box::new(Text { inner: Cursor::new(start).chain(text), counts: Arc::clone(&counts) });
+    Ok(Source { text, counts, unpacking, size: about.len(), crlf })
 }
 
 fn probe(reader: &mut impl Read) -> io::Result<Vec<u8>> {
@@ -142,9 +126,7 @@ struct OnDisk {
 impl Read for OnDisk {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.file.read(buffer)?;
-        self.counts
-            .on_disk
-            .set(self.counts.on_disk.get() + count as u64);
+        self.counts.on_disk.set(self.counts.on_disk.get() + count as u64);
         Ok(count)
     }
 }

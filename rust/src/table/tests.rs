@@ -10,22 +10,10 @@ use proptest::prelude::*;
 
 use super::{Column, ColumnUse, Fault, ReadColumn, Table, TableError, TableReader, format_rows};
 
-const TIME: Column = Column {
-    used: ColumnUse::Time,
-    least: f64::NEG_INFINITY,
-};
-const NUMBER: Column = Column {
-    used: ColumnUse::Number,
-    least: f64::NEG_INFINITY,
-};
-const FREE: Column = Column {
-    used: ColumnUse::Free,
-    least: f64::NEG_INFINITY,
-};
-const SKIP: Column = Column {
-    used: ColumnUse::Skip,
-    least: f64::NEG_INFINITY,
-};
+const TIME: Column = Column { used: ColumnUse::Time, least: f64::NEG_INFINITY, hint: String::new() };
+const NUMBER: Column = Column { used: ColumnUse::Number, least: f64::NEG_INFINITY, hint: String::new() };
+const FREE: Column = Column { used: ColumnUse::Free, least: f64::NEG_INFINITY, hint: String::new() };
+const SKIP: Column = Column { used: ColumnUse::Skip, least: f64::NEG_INFINITY, hint: String::new() };
 
 /// A file that is removed with its handle.
 struct Temporary(PathBuf);
@@ -74,21 +62,14 @@ fn numbers(column: &ReadColumn) -> &[f64] {
 
 #[test]
 fn columns_come_as_they_stand() {
-    let table = read(
-        b"\xef\xbb\xbft, a ,b,c\r\n0,1,x,\r\n\r\n0, +2.5e-3 ,y,nan\r\n",
-        &[TIME, NUMBER, SKIP, FREE],
-    )
-    .unwrap();
+    let table =
+        read(b"\xef\xbb\xbft, a ,b,c\r\n0,1,x,\r\n\r\n0, +2.5e-3 ,y,nan\r\n", &[TIME, NUMBER, SKIP, FREE]).unwrap();
     assert_eq!(table.rows, 2);
     assert!(!table.unterminated);
     assert_eq!(numbers(&table.columns[0]), [0.0, 0.0]);
     assert_eq!(numbers(&table.columns[1]), [1.0, 2.5e-3]);
     assert_eq!(table.columns[2], ReadColumn::Skipped);
-    assert!(
-        numbers(&table.columns[3])
-            .iter()
-            .all(|number| number.is_nan())
-    );
+    assert!(numbers(&table.columns[3]).iter().all(|number| number.is_nan()));
 }
 
 #[test]
@@ -101,13 +82,7 @@ fn headings_may_be_quoted_and_lose_their_blanks() {
 #[test]
 fn a_free_column_of_text_says_where() {
     let table = read(b"t,note\n0,1\n1,start\n2,3\n", &[TIME, FREE]).unwrap();
-    assert_eq!(
-        table.columns[1],
-        ReadColumn::Text {
-            line: 3,
-            found: "start".into()
-        }
-    );
+    assert_eq!(table.columns[1], ReadColumn::Text { line: 3, found: "start".into() });
 }
 
 #[test]
@@ -120,18 +95,9 @@ fn gzip_is_known_by_its_bytes_and_may_have_several_members() {
 
 #[test]
 fn faults_name_line_and_column() {
-    let columns = [
-        TIME,
-        Column {
-            least: -1.0,
-            ..NUMBER
-        },
-    ];
-    let cases: [(&[u8], &str); 13] = [
-        (
-            b"t,a\n0,1\n1,x\n2,3\n",
-            "line 3, column 'a': found \"x\"; expected a number such as -1.5 or 2.5e3",
-        ),
+    let columns = [TIME, Column { least: -1.0, hint: "check it".into(), ..NUMBER }];
+    let cases: [(&[u8], &str); 14] = [
+        (b"t,a\n0,1\n1,x\n2,3\n", "line 3, column 'a': found \"x\"; expected a number such as -1.5 or 2.5e3"),
         (
             b"t,a\n0,1\n\n1,NaN\n2,3\n",
             "line 4, column 'a': found \"NaN\"; expected a finite number: write the last known value or remove the row",
@@ -148,14 +114,8 @@ fn faults_name_line_and_column() {
             b"t,a\n0,1\n1,2\n0.5,3\n",
             "line 4, column 't': time runs backwards, from 1.0 to 0.5; times may repeat but not decrease",
         ),
-        (
-            b"t,a\n0,-2\n",
-            "line 2, column 'a': found -2.0, below the least possible value -1",
-        ),
-        (
-            b"t,a\n0,1,2\n1,2\n",
-            "line 2: found 3 fields; the headings have 2",
-        ),
+        (b"t,a\n0,-2\n", "line 2, column 'a': found -2.0, below the least possible value -1.0; check it"),
+        (b"t,a\n0,1,2\n1,2\n", "line 2: found 3 fields; the headings have 2"),
         (
             b"t,a\n0,1\n1",
             "line 3: found 1 fields; the headings have 2; the file ends inside this line: was it cut off, or is it still being written?",
@@ -164,19 +124,11 @@ fn faults_name_line_and_column() {
             b"t,a\n0,1\n1,2e",
             "line 3, column 'a': found \"2e\"; expected a number such as -1.5 or 2.5e3; the file ends inside this line: was it cut off, or is it still being written?",
         ),
+        (b"t,a\n0,\"1\n", "line 2, column 'a': found \"1\\n\"; expected a number such as -1.5 or 2.5e3"),
         (b"t,a\n", "has headings but no rows of numbers"),
-        (
-            b" \n\n",
-            "the file is empty; expected a line of headings and lines of numbers",
-        ),
-        (
-            b"t;a\n0;1\n",
-            "line 1: the headings are separated by ';'; expected commas, and points as decimal marks",
-        ),
-        (
-            b"t,\xb5\n0,1\n",
-            "line 1: the headings are not UTF-8 text; save the file as UTF-8",
-        ),
+        (b" \n\n", "the file is empty; expected a line of headings and lines of numbers"),
+        (b"t;a\n0;1\n", "line 1: the headings are separated by ';'; expected commas, and points as decimal marks"),
+        (b"t,\xb5\n0,1\n", "line 1: the headings are not UTF-8 text; save the file as UTF-8"),
     ];
     for (content, expected) in cases {
         assert_eq!(text(content, &columns), expected);
@@ -185,22 +137,11 @@ fn faults_name_line_and_column() {
 
 #[test]
 fn lines_are_counted_as_an_editor_counts_them() {
-    for content in [
-        "t,a\n0,1\n\n\n1,x\n2,3\n",
-        "t,a\r\n0,1\r\n\r\n\r\n1,x\r\n2,3\r\n",
-        "t,a\n0,1\n\n\n1,x",
-    ] {
-        assert_eq!(
-            read(content.as_bytes(), &[TIME, NUMBER]).unwrap_err().line,
-            Some(5),
-            "{content:?}"
-        );
+    for content in ["t,a\n0,1\n\n\n1,x\n2,3\n", "t,a\r\n0,1\r\n\r\n\r\n1,x\r\n2,3\r\n", "t,a\n0,1\n\n\n1,x"] {
+        assert_eq!(read(content.as_bytes(), &[TIME, NUMBER]).unwrap_err().line, Some(5), "{content:?}");
         assert_eq!(
             read(content.as_bytes(), &[TIME, FREE]).unwrap().columns[1],
-            ReadColumn::Text {
-                line: 5,
-                found: "x".into()
-            }
+            ReadColumn::Text { line: 5, found: "x".into() }
         );
     }
 }
@@ -212,47 +153,23 @@ fn other_kinds_of_files_are_named() {
             b"PK\x03\x04rest",
             "is not a text file but a zip archive or a spreadsheet (.xlsx); expected CSV, plain or gzip",
         ),
-        (
-            b"t,a\n\0\0",
-            "is not a text file but binary data; expected CSV, plain or gzip",
-        ),
-        (
-            b"\xff\xfet\0",
-            "is not a text file but UTF-16 text; expected CSV, plain or gzip",
-        ),
-        (
-            b"",
-            "the file is empty; expected a line of headings and lines of numbers",
-        ),
+        (b"t,a\n\0\0", "is not a text file but binary data; expected CSV, plain or gzip"),
+        (b"\xff\xfet\0", "is not a text file but UTF-16 text; expected CSV, plain or gzip"),
+        (b"", "the file is empty; expected a line of headings and lines of numbers"),
     ];
     for (content, expected) in cases {
         assert_eq!(text(content, &[TIME, NUMBER]), expected);
     }
-    assert_eq!(
-        read_path(Path::new("/nowhere/at/all"), &[])
-            .unwrap_err()
-            .to_string(),
-        "there is no such file"
-    );
-    assert_eq!(
-        read_path(&std::env::temp_dir(), &[])
-            .unwrap_err()
-            .to_string(),
-        "is not a file"
-    );
+    assert_eq!(read_path(Path::new("/nowhere/at/all"), &[]).unwrap_err().to_string(), "there is no such file");
+    assert_eq!(read_path(&std::env::temp_dir(), &[]).unwrap_err().to_string(), "is not a file");
 }
 
 #[test]
 fn damaged_gzip_is_named() {
-    let rows: String = (0..50_000)
-        .map(|i| format!("{i},{}\n", f64::from(i).sin()))
-        .collect();
+    let rows: String = (0..50_000).map(|i| format!("{i},{}\n", f64::from(i).sin())).collect();
     let whole = packed(format!("t,a\n{rows}").as_bytes());
     let cut = text(&whole[..whole.len() / 2], &[TIME, NUMBER]);
-    assert!(
-        cut.ends_with("the gzip data ends too early: the file was cut off"),
-        "{cut}"
-    );
+    assert!(cut.ends_with("the gzip data ends too early: the file was cut off"), "{cut}");
     let mut damaged = whole.clone();
     let middle = whole.len() / 2;
     damaged[middle..middle + 64].fill(0xff);
@@ -264,10 +181,7 @@ fn damaged_gzip_is_named() {
 fn an_unclosed_quote_ends_in_an_error_not_in_memory() {
     let mut content = b"t,a\n0,\"1\n".to_vec();
     content.resize(40 << 20, b'7');
-    assert!(matches!(
-        read(&content, &[TIME, NUMBER]).unwrap_err().fault,
-        Fault::LineTooLong
-    ));
+    assert!(matches!(read(&content, &[TIME, NUMBER]).unwrap_err().fault, Fault::LineTooLong));
 }
 
 #[test]
@@ -283,19 +197,13 @@ fn the_watcher_sees_start_and_end_and_can_stop() {
         .unwrap();
     assert_eq!(calls, [(8, 8), (8, 8)]);
     let reader = TableReader::open(&file.0).unwrap();
-    let error = reader
-        .read(&[TIME, NUMBER], &mut |_, _| ControlFlow::Break(()))
-        .unwrap_err();
+    let error = reader.read(&[TIME, NUMBER], &mut |_, _| ControlFlow::Break(())).unwrap_err();
     assert!(matches!(error.fault, Fault::Stopped));
 }
 
 #[test]
 fn a_last_line_without_end_is_told() {
-    assert!(
-        read(b"t,a\n0,1\n1,2", &[TIME, NUMBER])
-            .unwrap()
-            .unterminated
-    );
+    assert!(read(b"t,a\n0,1\n1,2", &[TIME, NUMBER]).unwrap().unterminated);
 }
 
 proptest! {
