@@ -37,6 +37,7 @@ def test_panels_show_bar_and_millimetres() -> None:
     figure = plot_trajectories({"measured": measured, "full model": full})
     pressures, lengths, tool = figure.axes[0:2], figure.axes[2:4], figure.axes[4:7]
     assert [axes.get_title(loc="left") for axes in lengths] == ["Section 1", "Section 2"]
+    assert [axes.get_title(loc="left") for axes in pressures] == ["p11, p12, p13", "p21, p22, p23"]
     assert pressures[0].get_ylabel() == "Pressure [bar]"
     np.testing.assert_allclose(pressures[1].lines[2].get_ydata(), full.pressures[:, 5] / 1e5)
     assert [len(axes.lines) for axes in pressures] == [3, 3]  # equal pressures are drawn once

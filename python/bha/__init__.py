@@ -1,1 +1,35 @@
 """Simulate, identify, diagnose and control pneumatic bellows arms (Falkenhahn et al., IEEE T-RO 31(6), 2015)."""
+
+from bha import robots
+from bha._core import __version__
+from bha.arm import Arm
+from bha.errors import (
+    BhaError,
+    ConvergenceError,
+    InputError,
+    LogError,
+    MissingExtraError,
+    ParameterError,
+    SimulationError,
+)
+from bha.simulation import Input, Options, Simulation, simulate
+from bha.trajectory import Trajectory, TrajectoryWriter
+
+__all__ = [
+    "Arm",
+    "BhaError",
+    "ConvergenceError",
+    "Input",
+    "InputError",
+    "LogError",
+    "MissingExtraError",
+    "Options",
+    "ParameterError",
+    "Simulation",
+    "SimulationError",
+    "Trajectory",
+    "TrajectoryWriter",
+    "__version__",
+    "robots",
+    "simulate",
+]

@@ -61,7 +61,7 @@ def commanded_pressure_name(section: int, number: int) -> str:
 
 
 def section_of_pressure(name: str) -> int | None:
-    """Section that a pressure belongs to by its name, ``p23`` to 2; None if the name is not of that form."""
+    """The first number in the name of a pressure, ``p23`` to 2; None if the name is not of that form."""
     found = _PRESSURE.fullmatch(name)
     return int(found[1] or found[2]) if found else None
 

@@ -34,9 +34,9 @@ def plot_trajectories(trajectories: Mapping[str, Trajectory], *, title: str | No
 
     Top: absolute pressure of each input, bar; where all trajectories have the same pressures they are drawn once.
     Middle: bellows lengths, mm. Both have one panel for each section (pressures one for all where the names of the
-    inputs do not tell the section). Bottom: position of the last head in the base frame, mm. Colour tells the bellows,
-    line style the trajectory: "measured" solid, "full" dotted, "reduced" dashed, as in the paper, others the next free.
-    What is NaN throughout (a measurement without lengths, say) is left out.
+    inputs are not numbered by sections). Bottom: position of the last head in the base frame, mm. Colour tells the
+    bellows, line style the trajectory: "measured" solid, "full" dotted, "reduced" dashed, as in the paper, others the
+    next free. What is NaN throughout (a measurement without lengths, say) is left out.
 
     Args:
         trajectories: label to trajectory; all with the same number of sections.
@@ -50,12 +50,12 @@ def plot_trajectories(trajectories: Mapping[str, Trajectory], *, title: str | No
     sections = first.section_count
     styles = line_styles(list(trajectories))
     alone = len(set(map(str, styles.values()))) == 1
-    groups = _inputs_by_section(trajectories, sections)
+    groups = _inputs_by_panel(trajectories, sections)
 
     with figure_of_size(max(7.2, 2.3 * sections), 6.2) as figure:
         # 3n columns, so that n panels of 3 and 3 panels of n fill the same width.
         grid = figure.add_gridspec(3, 3 * sections)
-        wide = len(groups) != sections
+        wide = "All inputs" in groups
         pressure_axes = _row(figure, [grid[0, :]] if wide else [grid[0, 3 * i : 3 * i + 3] for i in range(sections)])
         length_axes = _row(figure, [grid[1, 3 * i : 3 * i + 3] for i in range(sections)])
         position_axes = [figure.add_subplot(grid[2, i * sections : (i + 1) * sections]) for i in range(3)]
@@ -104,16 +104,18 @@ def _row(figure: Figure, places: list[SubplotSpec]) -> list[Axes]:
     return [first, *others]
 
 
-def _inputs_by_section(trajectories: Mapping[str, Trajectory], sections: int) -> dict[str, list[str]]:
-    """Heading of a pressure panel to the names of its inputs; one panel where the names do not tell the section."""
+def _inputs_by_panel(trajectories: Mapping[str, Trajectory], sections: int) -> dict[str, list[str]]:
+    """Heading of a pressure panel to its inputs: grouped by the first number of their names, or all in one panel.
+
+    The headings name the inputs, not a section: which input feeds which section is for the arm to say.
+    """
     every = list(dict.fromkeys(name for trajectory in trajectories.values() for name in trajectory.input_names))
-    panels: dict[str, list[str]] = {f"Section {section}": [] for section in range(1, sections + 1)}
+    groups: dict[int | None, list[str]] = {}
     for name in every:
-        heading = f"Section {names.section_of_pressure(name)}"
-        if heading not in panels:
-            return {"All inputs": every}
-        panels[heading].append(name)
-    return panels
+        groups.setdefault(names.section_of_pressure(name), []).append(name)
+    if None in groups or len(groups) != sections:
+        return {"All inputs": every}
+    return {(", ".join(group) if len(group) < 5 else f"{group[0]} to {group[-1]}"): group for group in groups.values()}
 
 
 def _with_different_pressures(trajectories: Mapping[str, Trajectory]) -> dict[str, Trajectory]:
