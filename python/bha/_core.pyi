@@ -1,5 +1,7 @@
 """Types of the compiled core."""
 
+from collections.abc import Callable, Sequence
+from os import PathLike
 from typing import Self, final
 
 import numpy as np
@@ -109,3 +111,10 @@ class Simulation:
     ]: ...
     @property
     def statistics(self) -> tuple[int, int, int]: ...
+
+def read_table(
+    path: str | PathLike[str],
+    plan: Callable[[list[str]], list[tuple[str, float, str]]],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
+def format_table_rows(columns: Sequence[NDArray[np.float64]]) -> bytes: ...

@@ -47,7 +47,7 @@ class Input:
     @classmethod
     def from_log(cls, arm: Arm, log: Log, *, commanded: bool = False) -> Input:
         """The pressures (``commanded`` ones if asked) and external forces of a measured log."""
-        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), log.forces)
+        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), log.forces_on(arm.section_count))
 
 
 @dataclass(frozen=True)
