@@ -134,11 +134,11 @@ class State:
         self.time = time
 
     @classmethod
-    def at_rest(cls, plant: Plant, lengths: Array) -> "State":
+    def at_rest(cls, plant: Plant, lengths: Array, time: float = 0.0) -> "State":
         """State at rest at the given bellows lengths, hidden states relaxed."""
         coordinates = np.zeros(lengths.shape[0])
         arc_coordinates(plant.radius, np.asarray(lengths, dtype=np.float64), coordinates)
-        return cls(coordinates, np.zeros_like(coordinates), np.zeros((lengths.shape[0], MEMORY)))
+        return cls(coordinates, np.zeros_like(coordinates), np.zeros((lengths.shape[0], MEMORY)), time)
 
     def copy(self) -> "State":
         """An independent copy."""
@@ -193,9 +193,9 @@ def run(
     return lengths, heads, rates
 
 
-def settle(plant: Plant, hidden: Hidden, state: State, pressure: Array, duration: float = 4.0) -> None:
-    """Move ``state`` to rest under constant pressure, by integration with strong extra damping."""
-    step = 5e-4
+def settle(plant: Plant, hidden: Hidden, state: State, pressure: Array, step: float = 1e-3) -> None:
+    """Move ``state`` to rest under constant pressure, by 3 s of integration with strong extra damping."""
+    duration = 3.0
     time = state.time
     rows = 2 * int(duration / step) + 1
     run(plant, hidden, state, np.tile(pressure, (rows, 1)), step=step, stride=rows // 2, settle_rate=15.0)
