@@ -8,8 +8,8 @@ Source: arc of eqs. (7), (9) of the paper, with the arc's end written through St
     angular velocity (in the frame of the arc's base)  W_u u' + W_v v',
               W_u = (-u v c_3, 1 - v^2 c_3, -v c_2),  W_v = (u^2 c_3 - 1, u v c_3, u c_2)
 
-Derivatives follow from ``d c_n / ds = (n c_{n+2} - c_{n+1}) / 2``. Frame: the arc starts at the origin along z and bends
-towards ``(u, v)``. Valid for every finite ``u, v, l``; the straight arc is no special case.
+Derivatives follow from ``d c_n / ds = (n c_{n+2} - c_{n+1}) / 2``. Frame: the arc starts at the origin along z and
+bends towards ``(u, v)``. Valid for every finite ``u, v, l``; the straight arc is no special case.
 """
 
 from typing import Any

@@ -63,12 +63,12 @@ def parse_arm(text: str) -> ArmFile:
     data: dict[str, Any] = tomllib.loads(text)
     if data.pop("schema") != "bha-arm/1":
         raise ValueError("parameter file: schema must be 'bha-arm/1'")
-    sections = tuple(
-        SectionFile(**{k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in table.items()})
-        for table in data.pop("section")
-    )
+    sections = []
+    for table in data.pop("section"):
+        row: dict[str, Any] = {k: tuple(map(float, v)) if isinstance(v, list) else float(v) for k, v in table.items()}
+        sections.append(SectionFile(**row))
     data["gravity"] = tuple(map(float, data["gravity"]))
-    return ArmFile(sections=sections, **data)
+    return ArmFile(sections=tuple(sections), **data)
 
 
 def read_arm(path: Path) -> ArmFile:
@@ -113,9 +113,9 @@ def build_plant(arm: ArmFile, *, distributed: float = 0.0) -> Plant:
 def perturb_arm(arm: ArmFile, rng: np.random.Generator, low: float = 0.10, high: float = 0.15) -> ArmFile:
     """A file whose identifiable parameters are off by ``low`` to ``high``, each on its own and to either side.
 
-    Off: mass, stiffness (each coefficient), damping, bending stiffness, rest length. The inertia follows the mass, since (56) computes
-    it from mass and geometry. Geometry, effective area and ambient pressure are measured on the bench and stay right: an error of
-    the area cannot be told from one common factor on mass, stiffness and damping.
+    Off: mass, stiffness (each coefficient), damping, bending stiffness, rest length. The inertia follows the mass,
+    since (56) computes it from mass and geometry. Geometry, effective area and ambient pressure are measured on the
+    bench and stay right: an error of the area cannot be told from one common factor on mass, stiffness and damping.
     """
 
     def factor() -> float:

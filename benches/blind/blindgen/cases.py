@@ -1,4 +1,6 @@
-"""One case from a specification: the arm, its hidden effects, five logs, the product's parameter file, and the sealed answer."""
+"""One case from a specification: the arm, its hidden effects, five logs, the product's parameter file, and the
+sealed answer.
+"""
 
 import json
 import shutil
@@ -32,7 +34,9 @@ FLOOR_COARSE = 4
 
 @dataclass(frozen=True)
 class WantedEffect:
-    """An effect to be drawn: place (None: drawn), wanted gap (None: ``strength`` times the typical amplitude), and a final scale."""
+    """An effect to be drawn: place (None: drawn), wanted gap (None: ``strength`` times the typical amplitude), and
+    a final scale.
+    """
 
     kind: str
     where: str | None = None
@@ -75,7 +79,7 @@ def _make_excitations(
 def _build(
     spec: CaseSpec, arm: ArmFile, meter: GapMeter, rng: np.random.Generator, heads: Array
 ) -> tuple[Truth, list[tuple[HiddenEffect, float | None]]]:
-    """Draw, calibrate and install the effects one by one; the gap of each on its own comes along."""
+    """Draw, calibrate and install the effects one by one; with the gap each was calibrated to on its own."""
     truth = meter.plain
     made: list[tuple[HiddenEffect, float | None]] = []
     for wanted in spec.effects:
@@ -85,7 +89,7 @@ def _build(
             low, high = EFFECTS[wanted.kind].limits
             effect = replace(effect, amplitude=float(np.clip(effect.amplitude * wanted.strength, low, high)))
         else:
-            effect, gap = calibrate(meter, effect, wanted.gap)
+            effect, gap = calibrate(meter, effect, wanted.gap), wanted.gap
         if wanted.scale != 1.0 and EFFECTS[wanted.kind].limits[0] != EFFECTS[wanted.kind].limits[1]:
             effect = replace(effect, amplitude=wanted.scale * effect.amplitude)
             gap = None if gap is None else wanted.scale * gap
@@ -109,14 +113,16 @@ def _describe(spec: CaseSpec, effect: HiddenEffect, gap: float | None, dominant:
         "amplitude_unit": kind.unit,
         "parameters": {**effect.shape, **effect.parameters},
         "comparable": {key: effect.parameters[key] for key in kind.comparable},
-        "gap_alone": gap,
+        "gap_wanted_alone": gap,
     }
 
 
 def build_case(
     spec: CaseSpec, base: ArmFile, durations: Mapping[str, float] | None = None, *, estimate_gap: bool = True
 ) -> tuple[dict[str, MeasuredLog], ArmFile, dict[str, Any]]:
-    """Logs, the product's parameter file, and the answer. Raises DivergedError when the arm cannot carry the wanted effects."""
+    """Logs, the product's parameter file, and the answer. Raises DivergedError when the arm cannot carry the
+    wanted effects.
+    """
     root = np.random.SeedSequence([spec.seed, 20150612])
     arm_rng, input_rng, effect_rng, noise_rng = (np.random.default_rng(s) for s in root.spawn(4))
     true_arm = replace(perturb_arm(base, arm_rng, 0.0, 0.10), force_model=spec.force_model)
@@ -169,7 +175,10 @@ def build_case(
         "noise_floor_rms": floor,
         "gap_over_noise": gap,
         "starts": notes,
-        "lengths_range": [float(min(c.lengths.min() for c in clean.values())), float(max(c.lengths.max() for c in clean.values()))],
+        "lengths_range": [
+            float(min(c.lengths.min() for c in clean.values())),
+            float(max(c.lengths.max() for c in clean.values())),
+        ],
         "true_arm": format_arm(true_arm),
         "truth_force_model": "work_conjugate" if truth.plant.work_conjugate else "end_force",
     }
@@ -224,11 +233,12 @@ def make_case(
     Parameters
     ----------
     seed, kind, where, strength, noise
-        ``kind`` as in the catalogue, or ``"null"``; ``where`` None draws the place; ``strength`` multiplies the typical amplitude of the
-        kind (1 gives a gap of some 5 to 30 times the standard noise), unless ``target_gap`` asks for a calibration, which takes some 10 s more.
-        ``noise`` is ``"standard"`` or ``"hard"``.
+        ``kind`` as in the catalogue, or ``"null"``; ``where`` None draws the place; ``strength`` multiplies the
+        typical amplitude of the kind (1 gives a gap of some 5 to 30 times the standard noise), unless ``target_gap``
+        asks for a calibration, which takes some 10 s more. ``noise`` is ``"standard"`` or ``"hard"``.
     out_dir, sealed_dir
-        Logs and ``arm.toml`` go to ``out_dir``; the answer and its commitment to ``sealed_dir`` (default: a sibling ``<out_dir>.sealed``).
+        Logs and ``arm.toml`` go to ``out_dir``; the answer and its commitment to ``sealed_dir`` (default: a sibling
+        ``<out_dir>.sealed``).
     duration_factor
         Scales the five logs; below 0.4 the steps become too few to tell much.
 
@@ -244,11 +254,11 @@ def make_case(
     if noise not in NOISE:
         raise ValueError(f"unknown noise set {noise!r}; allowed: {', '.join(NOISE)}")
     out = Path(out_dir)
+    if kind != "null" and kind not in EFFECTS:
+        raise ValueError(f"unknown effect kind {kind!r}; known are null, {', '.join(sorted(EFFECTS))}")
     effects = () if kind == "null" else (WantedEffect(kind, where, target_gap, strength),)
-    group = "null" if not effects else ("single" if kind in EFFECTS and EFFECTS[kind].known else "unknown")
-    spec = CaseSpec(
-        out.name, seed, group, "demo", effects, noise=noise, heads=heads, force_model=force_model
-    )
+    group = "null" if not effects else ("single" if EFFECTS[kind].known else "unknown")
+    spec = CaseSpec(out.name, seed, group, "demo", effects, noise=noise, heads=heads, force_model=force_model)
     durations = {name: round(duration_factor * value, 2) for name, value in DURATION.items()}
     hidden = Path(sealed_dir) if sealed_dir is not None else out.with_name(out.name + ".sealed")
     base = default_arm() if arm is None else parse_arm(Path(arm).read_text(encoding="utf-8"))

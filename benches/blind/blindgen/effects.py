@@ -1,8 +1,9 @@
 """The catalogue of hidden effects: where each may sit, how it is drawn, and how it is installed in the true arm.
 
-Each kind has a *shape* (time constants, signs, places; drawn once) and an *amplitude* (one number that the calibration of strength may
-scale between physical limits). ``install`` writes both into a :class:`~blindgen.truth.Truth` and returns the parameters for the sealed
-answer; ``comparable`` among them are those a diagnosis by a natural formula can be held against.
+Each kind has a *shape* (time constants, signs, places; drawn once) and an *amplitude* (one number that the
+calibration of strength may scale between physical limits). ``install`` writes both into a
+:class:`~blindgen.truth.Truth` and returns the parameters for the sealed answer; ``comparable`` among them are those a
+diagnosis by a natural formula can be held against.
 """
 
 from collections.abc import Callable
@@ -40,7 +41,9 @@ class EffectKind:
 
 @dataclass(frozen=True)
 class Context:
-    """What drawing may look at: the plain arm's heads during a typical run (samples, n, 3), and the section it is for."""
+    """What drawing may look at: the plain arm's heads during a typical run (samples, n, 3), and the section it is
+    for.
+    """
 
     heads: Array
     section: int
@@ -387,7 +390,15 @@ _KINDS = (
         _bending_nonlinear,
     ),
     EffectKind(
-        "section_coupling", _SECTION, 1.0, (0.05, 12.0), "N m", _nothing, _coupling, ("stiffness",), sections=_NEIGHBOURS
+        "section_coupling",
+        _SECTION,
+        1.0,
+        (0.05, 12.0),
+        "N m",
+        _nothing,
+        _coupling,
+        ("stiffness",),
+        sections=_NEIGHBOURS,
     ),
     EffectKind("effective_area", _SECTION, 0.06, (0.005, 0.6), "1", _draw_area, _area),
     EffectKind("weak_bellows", ("bellows",), 0.15, (0.01, 0.5), "1", _draw_weak, _weak, ("loss",)),
@@ -398,16 +409,38 @@ _KINDS = (
     EffectKind("pressure_lag", _INPUT, 0.06, (0.003, 0.6), "s", _draw_lag, _lag, ("tau_fill", "tau_vent")),
     EffectKind("delay", ("all",), 0.02, (0.001, 0.12), "s", _draw_delay, _delay, ("delay",)),
     EffectKind("valve_dead_band", _INPUT, 2000.0, (100.0, 15e3), "Pa", _nothing, _band, ("band",)),
-    EffectKind("pressure_offset", ("input",), 3000.0, (150.0, 40e3), "Pa", _draw_signed, _reading("path", "offset"), ("offset",)),
+    EffectKind(
+        "pressure_offset",
+        ("input",),
+        3000.0,
+        (150.0, 40e3),
+        "Pa",
+        _draw_signed,
+        _reading("path", "offset"),
+        ("offset",),
+    ),
     EffectKind("pressure_gain", ("input",), 0.06, (0.004, 0.5), "1", _draw_signed, _reading("path", "gain"), ("gain",)),
-    EffectKind("length_offset", ("bellows",), 4e-3, (3e-4, 40e-3), "m", _draw_signed, _reading("sensors", "offset"), ("offset",)),
-    EffectKind("length_gain", ("bellows",), 0.04, (2e-3, 0.25), "1", _draw_signed, _reading("sensors", "gain"), ("gain",)),
+    EffectKind(
+        "length_offset",
+        ("bellows",),
+        4e-3,
+        (3e-4, 40e-3),
+        "m",
+        _draw_signed,
+        _reading("sensors", "offset"),
+        ("offset",),
+    ),
+    EffectKind(
+        "length_gain", ("bellows",), 0.04, (2e-3, 0.25), "1", _draw_signed, _reading("sensors", "gain"), ("gain",)
+    ),
     EffectKind("work_conjugate", ("all",), 1.0, (1.0, 1.0), "1", _nothing, _other_model),
     EffectKind("torsion", _SECTION, 1.5, (0.05, 12.0), "rad/m", _draw_torsion, _torsion, needs_heads=True),
     EffectKind("non_constant_curvature", _SECTION, 0.2, (0.01, 0.8), "1", _draw_signed, _curvature, needs_heads=True),
     EffectKind("stiffness_drift", _SECTION, 0.08, (0.005, 0.5), "1", _draw_drift, _drift, known=False),
     EffectKind("periodic_force", ("section",), 0.6, (0.02, 8.0), "N", _draw_periodic, _periodic, known=False),
-    EffectKind("twist_coupling", _SECTION, 1.0, (0.05, 12.0), "N m", _draw_signed, _chiral, known=False, sections=_NEIGHBOURS),
+    EffectKind(
+        "twist_coupling", _SECTION, 1.0, (0.05, 12.0), "N m", _draw_signed, _chiral, known=False, sections=_NEIGHBOURS
+    ),
 )
 EFFECTS = {kind.name: kind for kind in _KINDS}
 

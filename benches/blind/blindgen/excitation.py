@@ -1,8 +1,9 @@
 """Excitations: steps, multisine, releases, and mixtures of steps, ramps and chirp for the held-out logs.
 
-Wanted lengths are drawn and turned into pressures by the springs alone (the arm then does what it does). The chamber pressure follows its
-command through two first-order stages of 25 ms, so that samples at 200 Hz with straight lines in between describe it well.
-A tip force is linear between samples; when it lets go, it falls to zero from one sample to the next.
+Wanted lengths are drawn and turned into pressures by the springs alone (the arm then does what it does). The chamber
+pressure follows its command through two first-order stages of 25 ms, so that samples at 200 Hz with straight lines in
+between describe it well. A tip force is linear between samples; when it lets go, it falls to zero from one sample to
+the next.
 """
 
 from typing import Any
@@ -24,13 +25,18 @@ LOG_NAMES = ("steps", "multisine", "release", "holdout_1", "holdout_2")
 
 
 def spring_pressure(arm: ArmFile, lengths: Array) -> Array:
-    """Absolute pressure (samples, 3n) that balances the springs alone at the wanted lengths, within the range of each section."""
+    """Absolute pressure (samples, 3n) that balances the springs alone at the wanted lengths, within the range of
+    each section.
+    """
     columns = []
     for j in range(lengths.shape[1]):
         s = arm.sections[j // 3]
         x = lengths[:, j] - s.rest_length
-        force = sum(k * x ** (m + 1) for m, k in enumerate(s.stiffness))
-        columns.append(np.clip(arm.ambient_pressure + force / s.terminal_area, *s.pressure_range))
+        force = np.zeros_like(x)
+        for m, k in enumerate(s.stiffness):
+            force += k * x ** (m + 1)
+        lowest, highest = s.pressure_range
+        columns.append(np.clip(arm.ambient_pressure + force / s.terminal_area, lowest, highest))
     return np.stack(columns, axis=1)
 
 
@@ -128,35 +134,36 @@ def make_excitation(
 ) -> tuple[Excitation, dict[str, object]]:
     """Excitation of one log and a note of how it starts.
 
-    ``name`` is one of LOG_NAMES. A release log always starts in the swing after a pull that let go before its first sample; three in four
-    hold two or three more pulls, whose forces are logged. Other logs start at rest or in motion, evenly. No unlogged force acts during a log.
+    ``name`` is one of LOG_NAMES. A release log always starts in the swing after a pull that let go before its first
+    sample; five in six hold more pulls, whose forces are logged; the others jump between poses. Other logs start at
+    rest or in motion, evenly. No unlogged force acts during a log.
     """
     duration = DURATION[name] if duration is None else duration
     release = name == "release"
     moving = release or bool(rng.random() < 0.5)
     lead = 3.0 if moving else 0.5
-    times = np.arange(round((lead + duration) / SAMPLE_TIME) + 1) * SAMPLE_TIME - lead
+    times: Array = np.arange(round((lead + duration) / SAMPLE_TIME) + 1, dtype=np.float64) * SAMPLE_TIME - lead
     logged = times >= 0.0
     force = np.zeros((times.shape[0], 3))
     pulls = 0
     if release:
         wanted = np.empty((times.shape[0], 3 * len(arm.sections)))
-        pulls = 0 if rng.random() < 0.25 else max(1, round(duration / 7.0))
+        pulls = 0 if rng.random() < 1 / 6 else max(1, round(duration / 7.0))
         every = duration / max(pulls, 1)
         poses = [np.concatenate([_pose(arm, rng, i) for i in range(len(arm.sections))]) for _ in range(4)]
         wanted[:] = poses[0]
         for m in range(1, max(pulls, 3)):
             start = m * duration / max(pulls, 3)
-            wanted += np.clip((times - start) / 0.8, 0.0, 1.0)[:, None] * (poses[m % 4] - poses[(m - 1) % 4])
-        before = _pulls(rng, times, -lead + 0.2, 1, 1.0)
-        before[times >= -0.1 * rng.random() - SAMPLE_TIME] = 0.0
+            rise = 0.8 if pulls else SAMPLE_TIME
+            wanted += np.clip((times - start) / rise, 0.0, 1.0)[:, None] * (poses[m % 4] - poses[(m - 1) % 4])
+        before = 1.5 * _pulls(rng, times, -2.0, 1, 1.0)
         force += before
         if pulls:
             force += _pulls(rng, times, 0.30 * every, pulls, every)
     else:
         make = {"steps": _steps, "multisine": _multisine}.get(name)
         if make is not None:
-            wanted = make(arm, rng, times - times[0]) if name == "steps" else make(arm, rng, times)
+            wanted = make(arm, rng, times - times[0])
         else:
             cut = duration * rng.uniform(0.4, 0.6)
             early, late = (_steps, _chirp) if name == "holdout_1" else (_chirp, _steps)
@@ -172,7 +179,7 @@ def make_excitation(
             fade = np.clip(times / 0.5, 0.0, 1.0)[:, None]
             wanted = wanted[first] + fade * (wanted - wanted[first])
             wanted[:first] = wanted[first]
-    command = spring_pressure(arm, wanted)
+    command = np.ascontiguousarray(spring_pressure(arm, wanted))
     per = round(2 * SAMPLE_TIME / STEP)
     rows = (times.shape[0] - 1) * per + 1
     pressure = np.empty((rows, command.shape[1]))
@@ -180,5 +187,8 @@ def make_excitation(
     fine = np.arange(rows) / per
     grid = np.arange(times.shape[0])
     fine_force = np.stack([np.interp(fine, grid, force[:, k]) for k in range(3)], axis=1)
-    note = {"starts": "swinging" if release else ("moving" if moving else "at rest"), "logged_pulls": pulls}
+    note: dict[str, object] = {
+        "starts": "swinging" if release else ("moving" if moving else "at rest"),
+        "logged_pulls": pulls,
+    }
     return Excitation(pressure, fine_force, lead), note

@@ -3,12 +3,12 @@
 What: resistances along a bellows, factors on spring and area, torques on the bending coordinates, forces at the heads.
 Forms: two-branch Maxwell creep; Maxwell slip with five elements (rate-independent); LuGre friction with Stribeck curve;
 damping with the power 1.7 of the speed; bending damping that grows with the bend; sinh-hardening in bending; area that
-saturates with pressure as tanh; a weak bellows whose weakness depends on its length; Hertz contact with damping; hose as spring and
-damper to an anchor, and air drag. Sources: Canudas de Wit et al. (1995) for LuGre, Al-Bender et al. (2005) for Maxwell slip,
-Hunt and Crossley (1975) for the contact.
+saturates with pressure as tanh; a weak bellows whose weakness depends on its length; Hertz contact with damping; hose
+as spring and damper to an anchor, and air drag. Sources: Canudas de Wit et al. (1995) for LuGre, Al-Bender et al.
+(2005) for Maxwell slip, Hunt and Crossley (1975) for the contact.
 Signs: resistances are positive when they resist lengthening; forces at heads are in the base frame.
-Hidden states are advanced exactly along the path since the last full step (return mapping), so that stiff bristles and short
-relaxation times never limit the step. Limits: the path within one step of 0.25 ms is taken as monotone.
+Hidden states are advanced exactly along the path since the last full step (return mapping), so that stiff bristles
+and short relaxation times never limit the step. Limits: the path within one step of 0.25 ms is taken as monotone.
 """
 
 from typing import Any, NamedTuple
@@ -26,7 +26,8 @@ SLIP_SHARE = np.array([0.15, 0.25, 0.30, 0.20, 0.10])
 CREEP, SLIP, BRISTLE, MEMORY = 0, 2, 7, 8
 AIR_DRAG_LIMIT = 1e-12
 
-# Columns of Hidden.bellows, first column of each group. Plain arrays, not tuples of many: numba counts references per array.
+# Columns of Hidden.bellows, first column of each group. Plain arrays, not tuples of many: numba counts references per
+# array.
 B_CREEP = 0  # k_a, tau_a, k_b, tau_b
 B_SLIP = 4  # greatest force N, yield m
 B_BRISTLE = 6  # Coulomb force, break-away force, Stribeck speed, deflection at Coulomb force, micro-damping
@@ -83,7 +84,7 @@ def _creep_branch(force: float, stiffness: float, tau: float, stretch: float, sp
     keep = np.exp(-x)
     # (1 - exp(-x)) / x without cancellation for the short spans of one step
     mean = 1.0 - x * (0.5 - x / 6.0) if x < 1e-4 else (1.0 - keep) / x
-    return force * keep + stiffness * stretch * mean
+    return float(force * keep + stiffness * stretch * mean)
 
 
 @compiled
@@ -210,9 +211,7 @@ def contact_force(
 
 
 @compiled
-def tool_force(
-    whole: Any, x: float, y: float, z: float, vx: float, vy: float, vz: float
-) -> tuple[float, float, float]:
+def tool_force(whole: Any, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
     """Hose to an anchor and air drag at the last head."""
     speed = np.sqrt(vx * vx + vy * vy + vz * vz + AIR_DRAG_LIMIT)
     drag = whole[W_TOOL + 4] + whole[W_TOOL + 5] * speed

@@ -1,7 +1,7 @@
-"""The generator's integrator: classical RK4 at a fixed step, hidden states by exact updates, inputs on a half-step grid.
+"""The generator's integrator: RK4 at a fixed step, exact updates of hidden states, inputs on a half-step grid.
 
-State: arc coordinates and their rates; sampled output: bellows lengths and head positions. The run stops, with the index of the
-sample, when the state is no longer finite or a bellows leaves the range of lengths that make sense.
+State: arc coordinates and their rates; sampled output: bellows lengths and head positions. The run stops, with the
+index of the sample, when the state is no longer finite or a bellows leaves the range of lengths that make sense.
 """
 
 from typing import Any
@@ -21,7 +21,7 @@ SHORTEST, LONGEST = 0.02, 0.50
 
 
 @compiled
-def _run(
+def _run(  # noqa: PLR0912
     plant: Plant,
     hidden: Hidden,
     work: Work,
@@ -166,6 +166,8 @@ def run(
     samples = steps // stride + 1
     if forces is None:
         forces = np.zeros((pressures.shape[0], 3))
+    # One memory layout only: another one would be compiled anew.
+    pressures, forces = np.ascontiguousarray(pressures), np.ascontiguousarray(forces)
     lengths, heads, rates = np.empty((samples, d)), np.empty((samples, d)), np.empty((samples, d))
     # The last evaluation only reads out the final sample; a whole number of strides keeps it on the grid.
     steps = (samples - 1) * stride

@@ -1,4 +1,6 @@
-"""Kinds that certain data cannot tell apart. A name from the same class is counted apart: neither right nor plainly wrong."""
+"""Kinds that certain data cannot tell apart. A name from the same class is counted apart: neither right nor
+plainly wrong.
+"""
 
 CLASSES: tuple[frozenset[str], ...] = (
     frozenset({"delay", "pressure_lag"}),

@@ -8,8 +8,8 @@ over the heads, the mass slices along the arcs and the payloads. Every Jacobian 
 a point ``x`` that a coordinate carries along moves by ``e + w x x``. ``dJ/dt s'`` is the acceleration of the point at
 ``s'' = 0``, in closed form from the second directional derivative of the arc.
 Source: eqs. (16)-(35), (48)-(53) of the paper; both force models of the project's model page.
-Frame: base frame, z along the straight arm, ``gravity`` is the acceleration of free fall. Signs: every per-bellows force here is
-positive when it lengthens the bellows, hidden forces come in as resistances and are subtracted.
+Frame: base frame, z along the straight arm, ``gravity`` is the acceleration of free fall. Signs: every per-bellows
+force here is positive when it lengthens the bellows, hidden forces come in as resistances and are subtracted.
 Limits: sections of constant curvature, or of two arcs of unequal curvature (``curvature_split`` other than 0.5).
 """
 
@@ -75,7 +75,16 @@ def _point_columns(screw: Any, column: Any, columns: int, x: float, y: float, z:
 
 @compiled
 def _add_point_mass(
-    column: Any, columns: int, mass: float, gravity: Any, ax: float, ay: float, az: float, matrix: Any, bias: Any, force: Any
+    column: Any,
+    columns: int,
+    mass: float,
+    gravity: Any,
+    ax: float,
+    ay: float,
+    az: float,
+    matrix: Any,
+    bias: Any,
+    force: Any,
 ) -> None:
     """Add ``m J^T J``, ``m J^T a`` and ``m J^T g`` of the point whose columns are in ``column``."""
     for c in range(columns):
@@ -102,7 +111,7 @@ def _turn(a: Any, row0: float, row1: float, row2: float) -> tuple[float, float, 
 
 
 @compiled
-def evaluate(
+def evaluate(  # noqa: PLR0912, PLR0915 - one sweep; compiled code in one piece is five times faster
     plant: Plant,
     hidden: Hidden,
     work: Work,
@@ -120,8 +129,9 @@ def evaluate(
 ) -> None:
     """Fill ``work`` with M, h, Q, head poses and head velocities.
 
-    ``tip_force`` (3,) acts on the last head in the base frame, ``head_force`` (n, 3) at the centres of mass in the frames of
-    their heads. ``stretch`` is the change of the bellows lengths since the hidden states ``memory`` were valid, ``span`` the time since.
+    ``tip_force`` (3,) acts on the last head in the base frame, ``head_force`` (n, 3) at the centres of mass in the
+    frames of their heads. ``stretch`` is the change of the bellows lengths since the hidden states ``memory`` were
+    valid, ``span`` the time since.
     """
     ps, slices, ambient, work_conjugate = plant
     hb, hs, whole = hidden
@@ -213,9 +223,7 @@ def evaluate(
                 bx, by, bz = ax, ay, az
                 gx, gy, gz = _turn(axes, fb * arc[ANGULAR_U, 0], fb * arc[ANGULAR_U, 1], fb * arc[ANGULAR_U, 2])
                 hx, hy, hz = _turn(axes, fb * arc[ANGULAR_V, 0], fb * arc[ANGULAR_V, 1], fb * arc[ANGULAR_V, 2])
-                ix, iy, iz = _turn(
-                    axes, arc[ANGULAR_SECOND, 0], arc[ANGULAR_SECOND, 1], arc[ANGULAR_SECOND, 2]
-                )
+                ix, iy, iz = _turn(axes, arc[ANGULAR_SECOND, 0], arc[ANGULAR_SECOND, 1], arc[ANGULAR_SECOND, 2])
                 for a in range(3):
                     for b in range(3):
                         axes_new[a, b] = (
@@ -370,6 +378,6 @@ def _add_rotation(
         column[c, 2] = a[0, 2] * screw[c, 3] + a[1, 2] * screw[c, 4] + a[2, 2] * screw[c, 5]
         bias[c] += column[c, 0] * t0 + column[c, 1] * t1 + column[c, 2] * t2
         for k in range(c + 1):
-            matrix[c, k] += j0 * column[c, 0] * column[k, 0] + j1 * column[c, 1] * column[k, 1] + j2 * column[c, 2] * column[k, 2]
-
-
+            matrix[c, k] += (
+                j0 * column[c, 0] * column[k, 0] + j1 * column[c, 1] * column[k, 1] + j2 * column[c, 2] * column[k, 2]
+            )

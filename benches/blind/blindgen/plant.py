@@ -1,10 +1,11 @@
 """Parameters and scratch arrays of the true arm, its linear coordinates, and the solution for the accelerations.
 
-The parameters travel as a few plain arrays with named columns: compiled code counts references per array, and tuples of many
-arrays cost more than the mechanics. Coordinates ``s = (u_1, v_1, l_1, u_2, ...)`` are linear in the bellows lengths.
+The parameters travel as a few plain arrays with named columns: compiled code counts references per array, and tuples
+of many arrays cost more than the mechanics. Coordinates ``s = (u_1, v_1, l_1, u_2, ...)`` are linear in the bellows
+lengths.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray

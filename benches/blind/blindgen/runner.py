@@ -1,7 +1,8 @@
-"""Run the whole: generate, call the product on every case, score. Resumable by case; every step skips what is already there.
+"""Run the whole: generate, call the product on every case, score. Resumable: every step skips what is there.
 
-Folders under ``out``: ``cases/<case>/`` (all the product ever gets), ``commitments/`` and ``commitments.txt``, ``results/<case>/``. The
-answers and the plan lie in ``<out>.sealed``, and the product is called with the paths of its own case only.
+Folders under ``out``: ``cases/<case>/`` (all the product ever gets), ``commitments/`` and ``commitments.txt``,
+``results/<case>/``. The answers and the plan lie in ``<out>.sealed``, and the product is called with the paths of its
+own case only.
 """
 
 import os
@@ -82,11 +83,13 @@ def generate_one(spec: CaseSpec, folders: Folders) -> str:
             continue
         gap = answer["gap_over_noise"]
         held = "-" if gap["holdout"] is None else f"{gap['holdout']:.1f}"
-        return f"{spec.case}: gap {gap['train']:.1f} (held out {held}) times the noise, {time.perf_counter() - begin:.0f} s"
+        return f"{spec.case}: gap {gap['train']:.1f} (held out {held}) x noise, {time.perf_counter() - begin:.0f} s"
     return f"{spec.case}: not generated, {reason}"
 
 
-def _parallel(jobs: int, tasks: Sequence[tuple[CaseSpec, Folders]], pool: type, work: Callable[[CaseSpec, Folders], str]) -> None:
+def _parallel(
+    jobs: int, tasks: Sequence[tuple[CaseSpec, Folders]], pool: type, work: Callable[[CaseSpec, Folders], str]
+) -> None:
     with pool(max_workers=jobs) as executor:
         futures = [executor.submit(work, *task) for task in tasks]
         try:
@@ -112,8 +115,8 @@ def generate(folders: Folders, specs: list[CaseSpec], jobs: int) -> None:
 class Diagnose:
     """Call the product on a case by a command template.
 
-    The template is split like a shell line; ``{arm}`` and ``{out}`` are replaced within words, the words ``{train}`` and ``{holdout}`` by
-    one word a file. No shell is involved.
+    The template is split like a shell line; ``{arm}`` and ``{out}`` are replaced within words, the words ``{train}``
+    and ``{holdout}`` by one word a file. No shell is involved.
     """
 
     def __init__(self, template: str, timeout: float) -> None:

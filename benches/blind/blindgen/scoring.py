@@ -1,22 +1,24 @@
 """Scores of a diagnosis against the sealed answers.
 
-What is counted, with Wilson 95 % intervals: first name right, exact set right, place right, names really present, false names on null data,
-abstentions on effects outside the catalogue, coverage of the parameter intervals; and, as medians, parameter errors and held-out errors
-before and after against the noise. A name from the same class of look-alikes is counted as *in class*, never as right.
-A case whose ``diagnosis.json`` is missing or unreadable counts as failed: it stays in every denominator.
+What is counted, with Wilson 95 % intervals: first name right, exact set right, place right, names really present,
+false names on null data, abstentions on effects outside the catalogue, coverage of the parameter intervals; and, as
+medians, parameter errors and held-out errors before and after against the noise. A name from the same class of
+look-alikes is counted as *in class*, never as right. A case whose ``diagnosis.json`` is missing or unreadable counts
+as failed: it stays in every denominator.
 """
 
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from .lookalikes import look_alike
 
-# Names a product may give to a comparable parameter; the first that is there counts. Signs are conventions, so sizes are compared.
+# Names a product may give to a comparable parameter; the first that is there counts. Signs are conventions, so sizes
+# are compared.
 ALIASES: dict[tuple[str, str], tuple[str, ...]] = {
     ("hysteresis", "force"): ("force", "F_h", "Fh", "amplitude"),
     ("friction", "force"): ("coulomb", "force", "F_c", "Fc"),
@@ -160,64 +162,109 @@ def _row_name(answer: dict[str, Any]) -> str:
     return str(answer["effects"][0]["kind"]) if group in ("single", "unknown") else group
 
 
+@dataclass(frozen=True)
+class Trial:
+    """One case as the counters see it."""
+
+    score: Score
+    spec: dict[str, Any]
+    known: list[dict[str, Any]]
+    verdict: Verdict
+
+    @property
+    def kinds(self) -> list[str]:
+        """True kinds of the catalogue, the dominant one first."""
+        return [e["kind"] for e in self.known]
+
+    @property
+    def names(self) -> list[str]:
+        """Kinds the product named, in its order."""
+        return [str(e["kind"]) for e in self.verdict.effects]
+
+    def near(self, name: str) -> bool:
+        """Whether a name looks like something that is there."""
+        return any(look_alike(name, kind) for kind in self.kinds)
+
+    def count_names(self, label: str) -> None:
+        """Count every name given: really there, in class, or neither."""
+        for name in self.names:
+            self.score.count(label, name in self.kinds, self.near(name))
+
+
+def _count_single(trial: Trial) -> None:
+    score, first, kind = trial.score, trial.verdict.first, trial.kinds[0]
+    for label in ("single", f"single, {trial.spec['noise']} noise"):
+        score.count(f"{label}: first name right", first == kind, trial.near(first))
+    score.count("single: exact set right", trial.names == trial.kinds)
+    score.count("single: abstained (no_gap or unknown)", trial.verdict.verdict in ("no_gap", "unknown"))
+    if first == kind:
+        right = same_place(first, str(trial.verdict.effects[0]["where"]), trial.known[0]["where"])
+        score.count("single: place right, of those named right", right)
+
+
+def _count_pair(trial: Trial) -> None:
+    score, names, kinds = trial.score, trial.names, trial.kinds
+    wrong = [n for n in names if n not in kinds]
+    score.count("pair: exact set right", sorted(names) == sorted(kinds))
+    score.count("pair: at least one right", any(n in kinds for n in names))
+    score.count("pair: a wrong name among them (wanted: none)", bool(wrong))
+    score.count("pair: a wrong name of no class (wanted: none)", any(not trial.near(n) for n in wrong))
+
+
+def _count_null(trial: Trial) -> None:
+    score, spec, named = trial.score, trial.spec, trial.verdict.verdict == "named"
+    variant = "distributed mass" if spec["distributed"] else ("exponential springs" if spec["hardening"] else "plain")
+    score.count("null: named (wanted: none)", named)
+    score.count(f"null, {variant}: named (wanted: none)", named)
+    score.count("null: verdict no_gap", trial.verdict.verdict == "no_gap")
+    if spec["distributed"] and named:
+        score.count("null, distributed mass: the name is payload", trial.names == ["payload"])
+
+
+def _count_unknown(trial: Trial) -> None:
+    trial.score.count("unknown: not named", trial.verdict.verdict in ("unknown", "no_gap"))
+    trial.score.count("unknown: verdict unknown", trial.verdict.verdict == "unknown")
+
+
+def _count_clutter(trial: Trial) -> None:
+    first = trial.verdict.first
+    trial.score.count("clutter: dominant named first", first == trial.kinds[0], trial.near(first))
+    trial.count_names("clutter: names really there")
+
+
+def _count_unknown_clutter(trial: Trial) -> None:
+    trial.count_names("unknown in clutter: names really there")
+
+
+COUNTERS: dict[str, Callable[[Trial], None]] = {
+    "single": _count_single,
+    "pair": _count_pair,
+    "null": _count_null,
+    "unknown": _count_unknown,
+    "clutter": _count_clutter,
+    "unknown_clutter": _count_unknown_clutter,
+}
+
+
 def score_case(score: Score, answer: dict[str, Any], verdict: Verdict) -> None:
     """Add one case to the score."""
-    spec = answer["spec"]
-    group = spec["group"]
-    known = [e for e in answer["effects"] if e["known"]]
-    kinds = [e["kind"] for e in known]
-    named = verdict.effects
-    names = [str(e["kind"]) for e in named]
+    group = str(answer["spec"]["group"])
+    trial = Trial(score, answer["spec"], [e for e in answer["effects"] if e["known"]], verdict)
     score.confusion[_row_name(answer), verdict.first] += 1
     if verdict.verdict == "failed":
         score.problems.append(f"{answer['case']}: {verdict.problem}")
-
-    def present(name: str) -> bool:
-        return name in kinds
-
-    def near(name: str) -> bool:
-        return any(look_alike(name, kind) for kind in kinds)
-
-    first = verdict.first
-    if group == "single":
-        for label in ("single", f"single, {spec['noise']} noise"):
-            score.count(f"{label}: first name right", first == kinds[0], near(first))
-        score.count("single: exact set right", names == kinds)
-        score.count("single: abstained (no_gap or unknown)", verdict.verdict in ("no_gap", "unknown"))
-        if first == kinds[0]:
-            score.count("single: place right, of those named right", same_place(first, str(named[0]["where"]), known[0]["where"]))
-    elif group == "pair":
-        score.count("pair: exact set right", sorted(names) == sorted(kinds))
-        score.count("pair: at least one right", any(map(present, names)))
-        score.count("pair: any wrong name", any(not present(n) for n in names), any(near(n) for n in names))
-    elif group == "null":
-        variant = "distributed mass" if spec["distributed"] else ("exponential springs" if spec["hardening"] else "plain")
-        score.count("null: named (wanted: none)", verdict.verdict == "named")
-        score.count(f"null, {variant}: named", verdict.verdict == "named")
-        score.count("null: verdict no_gap", verdict.verdict == "no_gap")
-        if spec["distributed"] and verdict.verdict == "named":
-            score.count("null, distributed mass: the name is payload", names == ["payload"])
-    elif group == "unknown":
-        score.count("unknown: not named", verdict.verdict in ("unknown", "no_gap"))
-        score.count("unknown: verdict unknown", verdict.verdict == "unknown")
-    elif group == "clutter":
-        score.count("clutter: dominant named first", first == kinds[0], near(first))
-        for name in names:
-            score.count("clutter: names really there", present(name), near(name))
-    else:
-        for name in names:
-            score.count("unknown in clutter: names really there", present(name), near(name))
-    for effect in known:
-        match = next((e for e in named if e["kind"] == effect["kind"]), None)
+    COUNTERS[group](trial)
+    for effect in trial.known:
+        match = next((e for e in verdict.effects if e["kind"] == effect["kind"]), None)
         if match is not None:
             if group != "single":
-                score.count("several effects: place right, of those named right", same_place(effect["kind"], str(match["where"]), effect["where"]))
+                right = same_place(effect["kind"], str(match["where"]), effect["where"])
+                score.count("several effects: place right, of those named right", right)
             _parameters(score, effect, match)
-    values = [_number(verdict.gap.get(key)) for key in ("before", "after", "noise")]
-    if all(v is not None for v in values):
+    before, after, noise = (_number(verdict.gap.get(key)) for key in ("before", "after", "noise"))
+    if before is not None and after is not None and noise:
         floors = answer["noise_floor_rms"]
         floor = math.sqrt((floors["holdout_1"] ** 2 + floors["holdout_2"] ** 2) / 2)
-        before, after, noise = (float(v) for v in values if v is not None)
         score.held_out.setdefault(group, []).append((before, after, noise, floor))
 
 
@@ -243,7 +290,8 @@ def report(score: Score, title: str) -> str:
     if score.held_out:
         lines += [
             "",
-            "| held-out error, group | cases | before / noise | after / noise | after / best possible | after within 1.15 of the noise |",
+            "| held-out error, group | cases | before / noise | after / noise | after / best possible "
+            "| after within 1.15 of the noise |",
             "|---|---|---|---|---|---|",
         ]
         for group, rows in sorted(score.held_out.items()):

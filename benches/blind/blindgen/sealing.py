@@ -1,7 +1,8 @@
 """Sealed answers: a commitment is public before the product sees a log, the answer stays elsewhere.
 
-Commitment of a case: SHA-256 over 32 random bytes of salt and the bytes of ``answer.json``. The salt is drawn from the operating system,
-not from the case's seed, so that nobody who knows the generator can try answers against the commitment.
+Commitment of a case: SHA-256 over 32 random bytes of salt and the bytes of ``answer.json``. The salt is drawn from
+the operating system, not from the case's seed, so that nobody who knows the generator can try answers against the
+commitment.
 """
 
 import hashlib
@@ -57,6 +58,8 @@ def unseal(case: str, sealed: Path, commitments: Path) -> dict[str, Any]:
     salt = bytes.fromhex((sealed / case / SALT).read_text(encoding="utf-8").strip())
     published = (commitments / f"{case}.sha256").read_text(encoding="utf-8").split()
     if published != [digest(salt, text), case]:
-        raise SealError(f"{case}: the sealed answer does not match the published commitment; it was changed after sealing")
+        raise SealError(
+            f"{case}: the sealed answer does not match the published commitment; it was changed after sealing"
+        )
     answer: dict[str, Any] = json.loads(text)
     return answer

@@ -1,8 +1,8 @@
 """Sensors: noise, quantisation, and the log files.
 
-Standard set: 0.2 mm standard deviation and 0.05 mm steps on the lengths, 200 Pa on the pressures; hard set: 1 mm and 500 Pa. Head
-positions have 0.3 mm (hard: 1 mm). The tip force is that of a load cell with 0.02 N. Coloured noise is half (by variance) a
-first-order process with a correlation time of 30 ms, half white, at the same standard deviation.
+Standard set: 0.2 mm standard deviation and 0.05 mm steps on the lengths, 200 Pa on the pressures; hard set: 1 mm and
+500 Pa. Head positions have 0.3 mm (hard: 1 mm). The tip force is that of a load cell with 0.02 N. Coloured noise is
+half (by variance) a first-order process with a correlation time of 30 ms, half white, at the same standard deviation.
 """
 
 import csv
@@ -38,7 +38,9 @@ NOISE = {
 
 @dataclass
 class MeasuredLog:
-    """What the product gets to see; ``heads`` only where head positions are measured, ``force`` only where a force was logged."""
+    """What the product gets to see; ``heads`` only where head positions are measured, ``force`` only where a force
+    was logged.
+    """
 
     time: Array
     pressure: Array
@@ -48,16 +50,17 @@ class MeasuredLog:
 
 
 def _length_noise(rng: np.random.Generator, shape: tuple[int, ...], noise: NoiseSet, coloured: bool) -> Array:
-    white = rng.standard_normal(shape)
+    white: Array = rng.standard_normal(shape)
     if not coloured:
         return noise.length * white
     keep = float(np.exp(-SAMPLE_TIME / noise.colour_time))
     drive = np.sqrt(1.0 - keep * keep) * rng.standard_normal(shape)
-    slow = np.empty(shape)
+    slow: Array = np.empty(shape)
     slow[0] = rng.standard_normal(shape[1])
     for k in range(1, shape[0]):
         slow[k] = keep * slow[k - 1] + drive[k]
-    return noise.length * np.sqrt(0.5) * (white + slow)
+    mixed: Array = noise.length * np.sqrt(0.5) * (white + slow)
+    return mixed
 
 
 def measure(
@@ -67,7 +70,7 @@ def measure(
     lengths = clean.lengths + _length_noise(rng, clean.lengths.shape, noise, coloured)
     forced = bool(np.any(clean.force))
     return MeasuredLog(
-        time=np.arange(lengths.shape[0]) * SAMPLE_TIME,
+        time=np.arange(lengths.shape[0], dtype=np.float64) * SAMPLE_TIME,
         pressure=clean.pressure + noise.pressure * rng.standard_normal(clean.pressure.shape),
         lengths=np.round(lengths / noise.length_step) * noise.length_step,
         heads=clean.heads + noise.position * rng.standard_normal(clean.heads.shape) if heads else None,
@@ -76,7 +79,9 @@ def measure(
 
 
 def write_log(log: MeasuredLog, path: Path) -> None:
-    """Write a log as CSV, whole or not at all. Columns: ``t [s]``, ``p11 [Pa]`` absolute, ``q11 [mm]``, ``x1 [m]``, ``fx3 [N]``."""
+    """Write a log as CSV, whole or not at all. Columns: ``t [s]``, ``p11 [Pa]`` absolute, ``q11 [mm]``, ``x1
+    [m]``, ``fx3 [N]``.
+    """
     d = log.lengths.shape[1]
     names = [f"{i + 1}{k + 1}" for i in range(d // 3) for k in range(3)]
     header = ["t [s]", *(f"p{x} [Pa]" for x in names), *(f"q{x} [mm]" for x in names)]

@@ -1,9 +1,9 @@
 """The true arm as a whole: plant, hidden physics, pressure path and length sensors; and one log from it.
 
-The pressure path turns the logged chamber pressure into the one that acts: sensor error taken off, dead time, dead band, lag.
-Sensor errors are defined by the reading: ``reading = ambient + (1 + gain)(p - ambient) + offset``; likewise for the lengths
-``reading = (1 + gain) q + offset``. The lag is two first-order stages in a row (80 and 20 % of the time constant), with one time constant
-for filling and another for venting; the dead band is a play operator.
+The pressure path turns the logged chamber pressure into the one that acts: sensor error taken off, dead time, dead
+band, lag. Sensor errors are defined by the reading: ``reading = ambient + (1 + gain)(p - ambient) + offset``;
+likewise for the lengths ``reading = (1 + gain) q + offset``. The lag is two first-order stages in a row (80 and 20 %
+of the time constant), with one time constant for filling and another for venting; the dead band is a play operator.
 """
 
 from dataclasses import dataclass
@@ -106,7 +106,9 @@ def acting_pressure(path: PressurePath, ambient: float, logged: Array, dt: float
 
 @dataclass
 class Excitation:
-    """Chamber pressures (absolute) and tip force on a grid of half steps of ``step``; the first ``lead`` seconds come before the log."""
+    """Chamber pressures (absolute) and tip force on a grid of half steps of ``step``; the first ``lead`` seconds
+    come before the log.
+    """
 
     pressure: Array
     force: Array
@@ -160,16 +162,22 @@ def simulate_log(truth: Truth, excitation: Excitation, campaign_time: float = 0.
     sampled = slice(first, None, 2 * stride)
     count = lengths.shape[0]
     return CleanLog(
-        excitation.pressure[sampled][:count].copy(), excitation.force[sampled][:count].copy(), lengths, heads, rates, start
+        excitation.pressure[sampled][:count].copy(),
+        excitation.force[sampled][:count].copy(),
+        lengths,
+        heads,
+        rates,
+        start,
     )
 
 
 def replay(
     truth: Truth, excitation: Excitation, pressure: Array, force: Array, start: State, campaign_time: float = 0.0
 ) -> Array:
-    """Lengths (read by the sensors) from logged samples, linear in between, from the true start: the best any model can do.
+    """Lengths (as read) from logged samples, linear in between, from the true start: no model can do better.
 
-    ``excitation`` gives the step and, before the first sample, the true pressure, so that lags and dead times start right.
+    ``excitation`` gives the step and, before the first sample, the true pressure, so that lags and dead times start
+    right.
     """
     step = excitation.step
     per = round(2 * SAMPLE_TIME / step)
