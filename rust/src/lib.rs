@@ -15,9 +15,10 @@
 //! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
 //! | (62) statics | [`dynamics::statics`] |
 //!
-//! Arrows: simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
+//! Arrows: batch -> simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
 
 pub mod arm;
+pub mod batch;
 pub mod dynamics;
 pub mod error;
 pub mod forces;
