@@ -15,6 +15,8 @@
 //! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
 //! | (62) statics | [`dynamics::statics`] |
 //!
+//! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
+//!
 //! Arrows: batch -> simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
 
 pub mod arm;
@@ -32,3 +34,4 @@ pub mod plant;
 mod python;
 pub mod real;
 pub mod simulate;
+pub mod table;

@@ -5,6 +5,7 @@ mod arrays;
 mod batch;
 mod errors;
 mod simulation;
+mod table;
 
 use pyo3::prelude::*;
 
@@ -17,5 +18,5 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
-    Ok(())
+    table::register(m)
 }
