@@ -1,5 +1,6 @@
 """Types of the compiled core."""
 
+from collections.abc import Sequence
 from typing import Self, final
 
 import numpy as np
@@ -109,3 +110,27 @@ class Simulation:
     ]: ...
     @property
     def statistics(self) -> tuple[int, int, int]: ...
+
+@final
+class VirtualArm:
+    def __new__(
+        cls,
+        parameters_json: str,
+        distributed: Sequence[tuple[int, float, tuple[float, float, float]]],
+        creep: Sequence[tuple[float, float]],
+    ) -> Self: ...
+    @property
+    def creep_states(self) -> int: ...
+    def rest(self, p: ArrayLike, f_ext: ArrayLike | None = None) -> NDArray[np.float64]: ...
+    def run(
+        self,
+        times: ArrayLike,
+        pressures: ArrayLike,
+        forces: ArrayLike | None,
+        output_times: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike,
+        creep: ArrayLike,
+        step: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+    def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...

@@ -15,6 +15,8 @@
 //! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
 //! | (62) statics | [`dynamics::statics`] |
 //!
+//! [`virtual_arm`] is no part of the model: it is what the paper's experiments take for the real arm.
+//!
 //! Arrows: simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
 
 pub mod arm;
@@ -31,3 +33,4 @@ pub mod plant;
 mod python;
 pub mod real;
 pub mod simulate;
+pub mod virtual_arm;

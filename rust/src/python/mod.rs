@@ -4,6 +4,7 @@ mod arm;
 mod arrays;
 mod errors;
 mod simulation;
+mod virtual_arm;
 
 use pyo3::prelude::*;
 
@@ -15,5 +16,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
+    m.add_class::<virtual_arm::PyVirtualArm>()?;
     Ok(())
 }
