@@ -18,6 +18,8 @@
 //!
 //! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
 //!
+//! [`virtual_arm`] is no part of the model: it is what the paper's experiments take for the real arm.
+//!
 //! Arrows: batch -> simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points
 //! back.
 
@@ -38,3 +40,4 @@ mod python;
 pub mod real;
 pub mod simulate;
 pub mod table;
+pub mod virtual_arm;
