@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.errors import InputError, SimulationError
+from bha.log import Log
 from bha.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
 
 Method = Literal["dopri5", "rk4"]
 Interpolation = Literal["linear", "hold"]
@@ -251,8 +251,6 @@ def as_input(
     """
     if isinstance(drive, Input):
         return drive
-    from bha.log import Log  # noqa: PLC0415  (units are only loaded where a log is used)
-
     if isinstance(drive, Log):
         return Input.from_log(arm, drive, commanded=commanded)
     if callable(drive):
