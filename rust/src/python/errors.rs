@@ -20,7 +20,7 @@ static CONVERGENCE: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     let text = error.to_string();
     let (cell, name) = match error {
-        Error::Parameter { .. } => (&PARAMETER, "ParameterError"),
+        Error::Parameter { .. } | Error::Effect { .. } => (&PARAMETER, "ParameterError"),
         Error::Input(_) => (&INPUT, "InputError"),
         Error::Convergence(_) => (&CONVERGENCE, "ConvergenceError"),
         Error::Simulation { .. } => (&SIMULATION, "SimulationError"),
