@@ -21,7 +21,6 @@ pub struct Plant<T = f64> {
     ws: Workspace<T>,
     pressures: Vec<T>,
     cursor: Cursor,
-    jump_cursor: Cursor,
     step_end: f64,
 }
 
@@ -29,8 +28,8 @@ impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
         let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
-        let (cursor, jump_cursor) = (Cursor::default(), Cursor::default());
-        Self { arm, input, ws, pressures, cursor, jump_cursor, step_end: f64::INFINITY }
+        let cursor = Cursor::default();
+        Self { arm, input, ws, pressures, cursor, step_end: f64::INFINITY }
     }
 
     /// Reads the inputs at `t` into the work space.
@@ -76,7 +75,7 @@ impl<T: Real> System<T> for Plant<T> {
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        self.input.next_jump(t, &mut self.jump_cursor)
+        self.input.next_jump(t)
     }
 
     fn objection(&self, x: &[T]) -> Option<String> {
