@@ -2,6 +2,7 @@
 
 mod arm;
 mod arrays;
+mod effects;
 mod errors;
 mod simulation;
 mod table;
