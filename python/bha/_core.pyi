@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Self, final
+from typing import Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,26 @@ from numpy.typing import ArrayLike, NDArray
 from bha.errors import BhaError, SimulationError
 
 __version__: str
+
+class _ParameterInfo(TypedDict):
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float | None
+    meaning: str
+
+class _KindInfo(TypedDict):
+    kind: str
+    summary: str
+    places: list[str]
+    parameters: list[_ParameterInfo]
+    several: bool
+    needs_poses: bool
+    changes_arm: bool
+
+def effect_kinds() -> list[_KindInfo]: ...
+def formula_fault(text: str, names: list[str]) -> str | None: ...
 
 class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
@@ -107,6 +127,7 @@ class Simulation:
         NDArray[np.float64],
         NDArray[np.float64],
         NDArray[np.float64],
+        NDArray[np.float64] | None,
         SimulationError | None,
     ]: ...
     @property

@@ -61,7 +61,7 @@ def simulate(
     """
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading", total=1.0)
-        log = Log.read(input_path, progress=lambda done, total: bar.update(task, completed=done, total=total))
+        log = Log.read(input_path, progress=lambda fraction: bar.update(task, completed=fraction))
         drive = Input.from_log(arm, log, commanded=commanded)
         times = output_times(drive, dt)
         run = Simulation(
