@@ -15,6 +15,7 @@
 //! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
 //! | (62) statics | [`dynamics::statics`] |
 //!
+//! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
 //! [`virtual_arm`] is no part of the model: it is what the paper's experiments take for the real arm.
 //!
 //! Arrows: simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
@@ -33,4 +34,5 @@ pub mod plant;
 mod python;
 pub mod real;
 pub mod simulate;
+pub mod table;
 pub mod virtual_arm;

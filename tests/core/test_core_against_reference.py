@@ -28,6 +28,7 @@ def test_terms_and_dynamics(cases: list[Case]) -> None:
         state = (case.q, case.qd, case.p, case.f_ext)
         core, expected = case.core.dynamics_terms(*state), ref.dynamics_terms(case.reference, *state)
         qdd = ref.forward_dynamics(case.reference, *state)
+        heads, expected_heads = case.core.forward_kinematics(case.q), ref.forward_kinematics(case.reference, case.q)
         energy, expected_energy = case.core.energy(case.q, case.qd), ref.energy(case.reference, case.q, case.qd)
         pairs = {
             "M": (core.inertia_matrix, expected.inertia_matrix),
@@ -39,11 +40,8 @@ def test_terms_and_dynamics(cases: list[Case]) -> None:
                 case.core.inverse_dynamics(case.q, case.qd, qdd, case.f_ext),
                 ref.inverse_dynamics(case.reference, case.q, case.qd, qdd, case.f_ext),
             ),
-            "heads": (case.core.forward_kinematics(case.q)[0], ref.forward_kinematics(case.reference, case.q)[0]),
-            "orientations": (
-                case.core.forward_kinematics(case.q)[1],
-                ref.forward_kinematics(case.reference, case.q)[1],
-            ),
+            "heads": (heads[0], expected_heads[0]),
+            "orientations": (heads[1], expected_heads[1]),
             "kinetic energy": (np.array(energy.kinetic), np.array(expected_energy.kinetic)),
             "potential energy": (np.array(energy.potential), np.array(expected_energy.potential)),
         }

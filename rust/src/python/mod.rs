@@ -4,6 +4,7 @@ mod arm;
 mod arrays;
 mod errors;
 mod simulation;
+mod table;
 mod virtual_arm;
 
 use pyo3::prelude::*;
@@ -17,5 +18,5 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
     m.add_class::<virtual_arm::PyVirtualArm>()?;
-    Ok(())
+    table::register(m)
 }
