@@ -3,28 +3,36 @@
 from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
+from bha.batch import Batch, simulate_batch
 from bha.errors import (
     BhaError,
     ConvergenceError,
     InputError,
     LogError,
+    LogWarning,
     MissingExtraError,
     ParameterError,
+    ParameterWarning,
     SimulationError,
 )
+from bha.log import Log
 from bha.simulation import Input, Options, Simulation, simulate
 from bha.trajectory import Trajectory, TrajectoryWriter
 
 __all__ = [
     "Arm",
+    "Batch",
     "BhaError",
     "ConvergenceError",
     "Input",
     "InputError",
+    "Log",
     "LogError",
+    "LogWarning",
     "MissingExtraError",
     "Options",
     "ParameterError",
+    "ParameterWarning",
     "Simulation",
     "SimulationError",
     "Trajectory",
@@ -32,4 +40,5 @@ __all__ = [
     "__version__",
     "robots",
     "simulate",
+    "simulate_batch",
 ]

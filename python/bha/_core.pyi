@@ -1,14 +1,35 @@
 """Types of the compiled core."""
 
-from collections.abc import Callable
-from typing import Self, final
+from collections.abc import Callable, Sequence
+from os import PathLike
+from typing import Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bha.errors import SimulationError
+from bha.errors import BhaError, SimulationError
 
 __version__: str
+
+class _ParameterInfo(TypedDict):
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float | None
+    meaning: str
+
+class _KindInfo(TypedDict):
+    kind: str
+    summary: str
+    places: list[str]
+    parameters: list[_ParameterInfo]
+    several: bool
+    needs_poses: bool
+    changes_arm: bool
+
+def effect_kinds() -> list[_KindInfo]: ...
+def formula_fault(text: str, names: list[str]) -> str | None: ...
 
 class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
@@ -106,6 +127,7 @@ class Simulation:
         NDArray[np.float64],
         NDArray[np.float64],
         NDArray[np.float64],
+        NDArray[np.float64] | None,
         SimulationError | None,
     ]: ...
     @property
@@ -170,3 +192,61 @@ def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def linear_quadratic_gain(a: ArrayLike, b: ArrayLike, q: ArrayLike, r: ArrayLike) -> NDArray[np.float64]: ...
+def simulate_batch(
+    arms: Sequence[Arm],
+    inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],
+    times: Sequence[ArrayLike],
+    members: Sequence[tuple[int, int, int]],
+    start: ArrayLike,
+    state: ArrayLike | None = None,
+    *,
+    interpolation: str = "linear",
+    method: str = "rk4",
+    step: float = 1e-3,
+    rtol: float = 1e-6,
+    atol: float = 1e-8,
+    min_step: float = 1e-10,
+    max_step: float = ...,
+    max_steps: int | None = None,
+    velocities: bool = True,
+    head_positions: bool = False,
+    threads: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.float64] | None,
+    NDArray[np.float64] | None,
+    list[BhaError | None],
+    NDArray[np.uint64],
+]: ...
+
+@final
+class VirtualArm:
+    def __new__(
+        cls,
+        parameters_json: str,
+        distributed: Sequence[tuple[int, float, tuple[float, float, float]]],
+        creep: Sequence[tuple[float, float]],
+    ) -> Self: ...
+    @property
+    def creep_states(self) -> int: ...
+    def rest(self, p: ArrayLike, f_ext: ArrayLike | None = None) -> NDArray[np.float64]: ...
+    def run(
+        self,
+        times: ArrayLike,
+        pressures: ArrayLike,
+        forces: ArrayLike | None,
+        output_times: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike,
+        creep: ArrayLike,
+        step: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+    def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...
+
+def read_table(
+    path: str | PathLike[str],
+    plan: Callable[[list[str]], list[tuple[str, float, str]]],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
+def format_table_rows(columns: Sequence[NDArray[np.float64]]) -> bytes: ...

@@ -7,6 +7,7 @@ use crate::arm::Arm;
 use crate::control::{Allocation, Limits, Target, law};
 use crate::dynamics::Workspace;
 use crate::dynamics::statics::static_lengths;
+use crate::effects::{self, poses};
 use crate::error::{Error, Result};
 use crate::input::{Input, Interpolation};
 use crate::integrate::{Integrator, Method, Options};
@@ -27,6 +28,8 @@ pub struct Stepper {
     integrator: Integrator<f64>,
     options: Options,
     pressures: Vec<f64>,
+    /// As the sensors have them.
+    lengths: Vec<f64>,
 }
 
 impl Stepper {
@@ -40,7 +43,7 @@ impl Stepper {
         }
         let p = vec![arm.ambient_pressure; arm.inputs];
         let none = Input::new(vec![0.0], (p.clone(), arm.inputs), (Vec::new(), 0), Interpolation::Hold)?;
-        let q = static_lengths(&arm, &p, None, None)?;
+        let q = rest(&arm, &p, None)?;
         let mut x = q.clone();
         x.resize(2 * q.len(), 0.0);
         let none = Arc::new(none);
@@ -48,7 +51,7 @@ impl Stepper {
         let step = if plant.has_pneumatics() { step.min(LONGEST_STEP) } else { step };
         let options = Options { method: Method::Rk4, step, ..Options::default() };
         let integrator = Integrator::new(options, 0.0, &x);
-        Ok(Self { arm, none, plant, integrator, options, pressures: p })
+        Ok(Self { arm, none, plant, integrator, options, pressures: p, lengths: q })
     }
 
     /// Time 0, lengths `q` (at rest under `p` if none), rates `qd` (zero if none), pressures `p` in all chambers.
@@ -66,7 +69,7 @@ impl Stepper {
         }
         let mut x = match q {
             Some(q) => q.to_vec(),
-            None => static_lengths(&self.arm, p, None, None)?,
+            None => rest(&self.arm, p, None)?,
         };
         self.plant = Plant::new(self.arm.clone(), self.none.clone()).with_pneumatics(&x, p);
         self.plant.hold(p);
@@ -75,7 +78,9 @@ impl Stepper {
             None => x.resize(2 * m, 0.0),
         }
         self.integrator = Integrator::new(self.options, 0.0, &x);
+        self.plant.begin(0.0, &x);
         self.pressures.copy_from_slice(p);
+        self.plant.measured_lengths_into(0.0, &x, &mut self.lengths);
         Ok(())
     }
 
@@ -90,8 +95,10 @@ impl Stepper {
         self.plant.hold(p);
         let end = self.integrator.time() + dt;
         self.integrator.run(&mut self.plant, &[end], &mut |_, _| {}, &mut || false)?;
-        self.plant.acting.clear();
-        self.pressures.copy_from_slice(if self.plant.has_pneumatics() { self.plant.pressures() } else { p });
+        self.plant.chamber_pressures.clear();
+        let x = self.integrator.state();
+        self.plant.chamber_pressures_into(self.integrator.time(), &x[..self.lengths.len()], &mut self.pressures);
+        self.plant.measured_lengths_into(self.integrator.time(), x, &mut self.lengths);
         Ok(())
     }
 
@@ -110,7 +117,12 @@ impl Stepper {
         &self.integrator.state()[self.arm.coordinates()..2 * self.arm.coordinates()]
     }
 
-    /// Acting pressures, Pa absolute.
+    /// Lengths as their sensors have them, m: the true ones where no effect acts on sensors.
+    pub fn measured_lengths(&self) -> &[f64] {
+        &self.lengths
+    }
+
+    /// Pressures in the chambers, Pa absolute: what sensors of pressure see.
     pub fn pressures(&self) -> &[f64] {
         &self.pressures
     }
@@ -131,8 +143,15 @@ pub fn rest_near(arm: &Arm, q: &[f64], limits: &Limits) -> Result<(Vec<f64>, Vec
     let (mut tau, mut p) = (vec![0.0; q.len()], vec![0.0; arm.inputs]);
     law::static_force(arm, q, &vec![0.0; q.len()], &mut ws, &mut tau);
     Allocation::new(arm, &limits.low, &limits.high, &limits.preferred).solve(arm, q, &tau, &mut ws, &mut p);
-    let lengths = static_lengths(arm, &p, None, Some(q))?;
+    let lengths = rest(arm, &p, Some(q))?;
     Ok((p, lengths))
+}
+
+/// Lengths at rest under chamber pressures `p`.
+fn rest(arm: &Arm, p: &[f64], start: Option<&[f64]>) -> Result<Vec<f64>> {
+    let mut acting = p.to_vec();
+    effects::pressures::at_rest(arm, &mut acting);
+    static_lengths(arm, &acting, None, start)
 }
 
 /// What the sensors add to the truth.
@@ -193,7 +212,7 @@ pub struct LoopRows {
     pub lengths: Vec<f64>,
     /// Rates, m/s.
     pub velocities: Vec<f64>,
-    /// Acting pressures, Pa.
+    /// Pressures in the chambers, Pa.
     pub pressures: Vec<f64>,
     /// Commanded pressures from then on, Pa.
     pub commands: Vec<f64>,
@@ -259,7 +278,7 @@ pub fn run(
     for index in 0..count {
         for (k, y) in measured.iter_mut().enumerate() {
             let (truth, deviation) = match k.checked_sub(m) {
-                None => (stepper.lengths()[k], sensors.length_noise),
+                None => (stepper.measured_lengths()[k], sensors.length_noise),
                 Some(j) => (stepper.pressures()[j], sensors.pressure_noise),
             };
             let normal: f64 = StandardNormal.sample(&mut noise);
@@ -285,7 +304,7 @@ pub fn run(
             rows.estimated_velocities.extend_from_slice(&estimated);
             rows.at_limit.extend_from_slice(&at_limit);
             pass(&arm, stepper.lengths(), &[], Motion::Pose, &mut ws.links);
-            rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
+            poses::heads(&arm, &ws.links, |head| rows.head_positions.extend(head.position.0));
             rows.count += 1;
         }
         if let Err(error) = stepper.step(&command, period) {

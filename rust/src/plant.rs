@@ -3,6 +3,9 @@
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
+use crate::effects::pressures::PressureChain;
+use crate::effects::sensors::Sensors;
+use crate::effects::upstream::{History, Upstream};
 use crate::input::{Cursor, Input};
 use crate::integrate::System;
 use crate::kinematics::arc::PSI_MAX;
@@ -13,6 +16,9 @@ use crate::real::Real;
 use std::sync::Arc;
 
 /// An arm under an input.
+///
+/// Pressures go from the input (or from outside, [`Plant::hold`]) through the arm's pneumatics, where it has any, into
+/// the chambers; those are what pressure sensors see. Effects on pressures act between these and the bellows.
 #[derive(Clone, Debug)]
 pub struct Plant<T = f64> {
     /// The arm.
@@ -21,33 +27,50 @@ pub struct Plant<T = f64> {
     pub input: Arc<Input>,
     ws: Workspace<T>,
     pressures: Vec<T>,
-    /// Pneumatics between the input's pressures and those that act.
+    cursor: Cursor,
+    step_end: f64,
+    /// Pneumatics between commands and chambers.
     chambers: Option<Chambers<T>>,
     /// Pressures commanded from outside, in place of the input's.
     held: Option<Vec<T>>,
-    /// Acting pressures at the outputs so far, one an input each; empty without pneumatics.
-    pub acting: Vec<T>,
-    cursor: Cursor,
-    jump_cursor: Cursor,
-    step_end: f64,
+    /// Chamber pressures at the outputs since it was emptied last, one an input each; empty without pneumatics.
+    pub chamber_pressures: Vec<T>,
+    /// Set up when the first step begins, where the arm has effects on pressures or on sensors.
+    chain: Option<PressureChain<T>>,
+    /// What comes into the chain where that is not the input.
+    history: Option<History<T>>,
+    sensors: Option<Sensors<T>>,
+    begun: bool,
 }
 
 impl<T: Real> Plant<T> {
-    /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
+    /// The plant of `arm` under `input`, whose channels must be the arm's inputs; pressures are those in the bellows.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
         let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
-        let (cursor, jump_cursor) = (Cursor::default(), Cursor::default());
-        let (chambers, held, acting) = (None, None, Vec::new());
-        Self { arm, input, ws, pressures, chambers, held, acting, cursor, jump_cursor, step_end: f64::INFINITY }
+        Self {
+            arm,
+            input,
+            ws,
+            pressures,
+            cursor: Cursor::default(),
+            step_end: f64::INFINITY,
+            chambers: None,
+            held: None,
+            chamber_pressures: Vec::new(),
+            chain: None,
+            history: None,
+            sensors: None,
+            begun: false,
+        }
     }
 
-    /// The same plant with the arm's pneumatics, at rest at lengths `q` under pressures `p`.
+    /// The same plant with the arm's pneumatics, at rest at lengths `q` under pressures `p`: pressures are commands.
     pub fn with_pneumatics(mut self, q: &[T], p: &[T]) -> Self {
         self.chambers = Chambers::new(&self.arm, q, p);
         self
     }
 
-    /// Whether pneumatics lie between command and acting pressure.
+    /// Whether pneumatics lie between commands and chambers.
     pub fn has_pneumatics(&self) -> bool {
         self.chambers.is_some()
     }
@@ -61,37 +84,73 @@ impl<T: Real> Plant<T> {
         }
     }
 
-    /// The acting pressures at the last stage evaluated or the last output, Pa.
-    pub fn pressures(&self) -> &[T] {
-        &self.pressures
+    /// Whether sensors of lengths are modelled.
+    pub fn has_sensors(&self) -> bool {
+        self.sensors.is_some()
+    }
+
+    /// The run begins at (`t`, `x`), with the effects' hidden states at rest. The first step calls it if nobody did.
+    pub fn begin(&mut self, t: f64, x: &[T]) {
+        self.begun = true;
+        if self.chambers.is_some() || self.held.is_some() {
+            let mut p = self.pressures.clone();
+            self.chamber_pressures_into(t, &x[..x.len() / 2], &mut p);
+            let mut history = History::new(t, &p);
+            self.chain = PressureChain::new(&self.arm, &history, t);
+            if let Some(chain) = &self.chain {
+                history.reach(chain.horizon());
+                self.history = Some(history);
+            }
+        } else {
+            self.chain = PressureChain::new(&self.arm, &*self.input, t);
+        }
+        self.sensors = Sensors::new(&self.arm, t, x);
+    }
+
+    /// Lengths as their sensors have them at (`t`, `x`), within the last step, into `out`: the true ones where no sensor
+    /// is modelled.
+    pub fn measured_lengths_into(&self, t: f64, x: &[T], out: &mut [T]) {
+        match &self.sensors {
+            Some(sensors) => sensors.measure(&self.arm, t, x, out),
+            None => out.copy_from_slice(&x[..out.len()]),
+        }
+    }
+
+    /// Pressures in the chambers at `t` and lengths `q`, within the last step, into `out`; the commands as they are
+    /// without pneumatics.
+    #[inline(always)]
+    pub fn chamber_pressures_into(&mut self, t: f64, q: &[T], out: &mut [T]) {
+        if let Some(chambers) = &mut self.chambers {
+            chambers.pressures(&self.arm, t, q, out);
+        } else if let Some(held) = &self.held {
+            out.copy_from_slice(held);
+        } else {
+            // At a step's end the limit from the left belongs to the step, also where a channel jumps.
+            self.input.read(t, t >= self.step_end, &mut self.cursor, out);
+        }
     }
 
     /// Reads the inputs at `t` into the work space; `q` are the lengths then.
     #[inline(always)]
     fn read_input(&mut self, t: f64, q: &[T]) {
-        // At a step's end the limit from the left belongs to the step, also where a channel jumps.
-        let place = self.input.weight(t, t >= self.step_end, &mut self.cursor);
-        if let Some(chambers) = &mut self.chambers {
-            chambers.pressures(&self.arm, t, q, &mut self.pressures);
-        } else if let Some(held) = &self.held {
-            self.pressures.copy_from_slice(held);
-        } else {
-            for (j, p) in self.pressures.iter_mut().enumerate() {
-                *p = T::from_f64(self.input.pressure(place, j));
-            }
+        let mut pressures = std::mem::take(&mut self.pressures);
+        match (&mut self.chain, &self.history) {
+            (Some(chain), Some(history)) => chain.acting(&self.arm, history, t, &mut pressures),
+            (Some(chain), None) => chain.acting(&self.arm, &*self.input, t, &mut pressures),
+            (None, _) => self.chamber_pressures_into(t, q, &mut pressures),
         }
+        self.pressures = pressures;
         if self.input.has_forces() {
+            let place = self.input.weight(t, t >= self.step_end, &mut self.cursor);
             for (i, f) in self.ws.external.iter_mut().enumerate() {
                 *f = Vec3([0, 1, 2].map(|k| T::from_f64(self.input.force(place, 3 * i + k))));
             }
         }
     }
-}
 
-impl<T: Real> System<T> for Plant<T> {
+    /// Takes the chambers over the step from (`t0`, `x0`) to `t1`.
     #[inline(always)]
-    fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
-        self.step_end = t1;
+    fn begin_chambers(&mut self, t0: f64, t1: f64, x0: &[T]) {
         if let Some(chambers) = &mut self.chambers {
             let (input, held) = (&self.input, &self.held);
             let from = input.weight(t0, false, &mut self.cursor);
@@ -104,22 +163,69 @@ impl<T: Real> System<T> for Plant<T> {
         }
     }
 
+    /// Notes what comes into the chain over a step: with the lengths moving on evenly, since the chain comes first.
     #[inline(always)]
-    fn end_step(&mut self, _t1: f64, _x1: &[T]) {
+    fn begin_history(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        let Some(history) = &mut self.history else { return };
+        history.begin_step();
+        match (&mut self.chambers, &self.held) {
+            (Some(chambers), _) => chambers.predicted(&self.arm, |t, p| history.note(t, p)),
+            (None, Some(held)) => {
+                history.note(t0, held);
+                history.note(t1, held);
+            }
+            (None, None) => debug_assert!(x0.is_empty(), "a history has a source"),
+        }
+    }
+}
+
+impl<T: Real> System<T> for Plant<T> {
+    #[inline(always)]
+    fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        self.step_end = t1;
+        if !self.begun {
+            self.begin(t0, x0);
+        }
+        self.begin_chambers(t0, t1, x0);
+        self.begin_history(t0, t1, x0);
+        match (&mut self.chain, &self.history) {
+            (Some(chain), Some(history)) => chain.begin_step(&self.arm, history, t0, t1),
+            (Some(chain), None) => chain.begin_step(&self.arm, &*self.input, t0, t1),
+            (None, _) => {}
+        }
+        self.ws.effects.begin_step(&self.arm, t0, x0);
+    }
+
+    #[inline(always)]
+    fn end_step(&mut self, t1: f64, x1: &[T]) {
+        self.ws.effects.end_step(&self.arm, t1, x1);
+        match (&mut self.chain, &mut self.history) {
+            (Some(chain), Some(history)) => {
+                chain.end_step(&self.arm, history, t1);
+                history.end_step();
+            }
+            (Some(chain), None) => chain.end_step(&self.arm, &*self.input, t1),
+            (None, _) => {}
+        }
         if let Some(chambers) = &mut self.chambers {
             chambers.end_step();
+        }
+        if let Some(sensors) = &mut self.sensors {
+            sensors.end_step(t1, x1);
         }
     }
 
     fn output(&mut self, t: f64, x: &[T]) {
         if let Some(chambers) = &mut self.chambers {
-            chambers.pressures(&self.arm, t, &x[..x.len() / 2], &mut self.pressures);
-            self.acting.extend_from_slice(&self.pressures);
+            let start = self.chamber_pressures.len();
+            self.chamber_pressures.resize(start + self.arm.inputs, T::zero());
+            chambers.pressures(&self.arm, t, &x[..x.len() / 2], &mut self.chamber_pressures[start..]);
         }
     }
 
     #[inline(always)]
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
+        self.ws.effects.time = t;
         let n = x.len() / 2;
         let (q, qd) = x.split_at(n);
         self.read_input(t, q);
@@ -132,7 +238,11 @@ impl<T: Real> System<T> for Plant<T> {
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        self.input.next_jump(t, &mut self.jump_cursor)
+        let jump = self.input.next_jump(t);
+        match (&self.chain, &self.history) {
+            (Some(chain), None) => jump.min(chain.next_jump(&*self.input, t)),
+            _ => jump,
+        }
     }
 
     fn objection(&self, x: &[T]) -> Option<String> {

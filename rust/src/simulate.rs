@@ -3,6 +3,7 @@
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::statics::static_lengths;
+use crate::effects;
 use crate::error::{Error, Result};
 use crate::input::{Cursor, Input};
 use crate::integrate::{Integrator, Options, Statistics};
@@ -28,10 +29,12 @@ pub struct Rows {
     pub lengths: Vec<f64>,
     /// Their rates, 3n a row, m/s.
     pub velocities: Vec<f64>,
-    /// Acting pressures, one an input a row, Pa.
+    /// Pressures in the chambers, one an input a row, Pa.
     pub pressures: Vec<f64>,
     /// Origins of the heads in the base frame, 3n a row, m.
     pub head_positions: Vec<f64>,
+    /// Lengths as their sensors have them, 3n a row, m; empty where no effect acts on sensors.
+    pub measured_lengths: Vec<f64>,
     /// Number of rows.
     pub count: usize,
 }
@@ -64,6 +67,8 @@ impl Simulation {
         let q = match q {
             Some(q) => q,
             None => {
+                let mut p = p.clone();
+                effects::pressures::at_rest(&arm, &mut p);
                 let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
                 let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
                 rest = static_lengths(&arm, &p, f.as_deref(), None)?;
@@ -73,11 +78,12 @@ impl Simulation {
         let mut x = q.to_vec();
         x.extend_from_slice(qd.unwrap_or(&vec![0.0; n]));
         let ws = Workspace::new(&arm);
-        let plant = Plant::new(arm, input).with_pneumatics(&x[..n], &p);
+        let mut plant = Plant::new(arm, input).with_pneumatics(&x[..n], &p);
         if plant.has_pneumatics() {
             options.step = options.step.min(LONGEST_STEP);
             options.max_step = options.max_step.min(LONGEST_STEP);
         }
+        plant.begin(start, &x);
         Ok(Self { integrator: Integrator::new(options, start, &x), plant, ws, cursor })
     }
 
@@ -94,22 +100,41 @@ impl Simulation {
             velocities: Vec::with_capacity(times.len() * n),
             pressures: Vec::with_capacity(times.len() * arm.inputs),
             head_positions: Vec::with_capacity(times.len() * n),
+            measured_lengths: Vec::with_capacity(if plant.has_sensors() { times.len() * n } else { 0 }),
             count: 0,
         };
-        let mut sink = |t: f64, x: &[f64]| {
-            rows.lengths.extend_from_slice(&x[..n]);
-            rows.velocities.extend_from_slice(&x[n..2 * n]);
-            if commanded {
-                let place = input.weight(t, false, cursor);
-                rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+        let seen = effects::poses::acts(&*arm);
+        let mut last = vec![0.0; 2 * n];
+        let mut result = Ok(());
+        for time in times {
+            let mut sink = |t: f64, x: &[f64]| {
+                rows.lengths.extend_from_slice(&x[..n]);
+                rows.velocities.extend_from_slice(&x[n..2 * n]);
+                if commanded {
+                    let place = input.weight(t, false, cursor);
+                    rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+                }
+                pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
+                if seen {
+                    effects::poses::heads(&arm, &ws.links, |head| rows.head_positions.extend(head.position.0));
+                } else {
+                    rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
+                }
+                rows.count += 1;
+                last.copy_from_slice(x);
+            };
+            result = integrator.run(plant, std::slice::from_ref(time), &mut sink, stop);
+            if result.is_err() {
+                break;
             }
-            pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
-            rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
-            rows.count += 1;
-        };
-        let result = integrator.run(plant, times, &mut sink, stop);
+            if plant.has_sensors() {
+                let start = rows.measured_lengths.len();
+                rows.measured_lengths.resize(start + n, 0.0);
+                plant.measured_lengths_into(*time, &last, &mut rows.measured_lengths[start..]);
+            }
+        }
         if !commanded {
-            rows.pressures = std::mem::take(&mut plant.acting);
+            rows.pressures = std::mem::take(&mut plant.chamber_pressures);
         }
         (rows, result)
     }

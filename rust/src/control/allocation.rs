@@ -77,7 +77,7 @@ impl Allocation {
     /// The pressures for `tau` at lengths `q` into `p`, Pa absolute.
     pub fn solve(&mut self, arm: &Arm, q: &[f64], tau: &[f64], ws: &mut Workspace, p: &mut [f64]) {
         pass(arm, q, &[], Motion::Pose, &mut ws.links);
-        actuation_columns(arm, &ws.links, &mut self.unit, &mut ws.loads, &mut self.matrix);
+        actuation_columns(arm, ws, &mut self.unit, &mut self.matrix);
         let (m, n) = (arm.coordinates(), arm.inputs);
         self.gradient.fill(0.0);
         self.hessian.fill(0.0);

@@ -91,6 +91,7 @@ pub struct Controller {
     lead: Vec<f64>,
     before: Vec<f64>,
     started: bool,
+    time: f64,
 }
 
 impl Controller {
@@ -122,6 +123,7 @@ impl Controller {
             lead: vec![0.0; arm.inputs],
             before: vec![0.0; arm.inputs],
             started: false,
+            time: 0.0,
             parameters,
             arm,
         })
@@ -133,7 +135,9 @@ impl Controller {
         self.allocation.reset();
         self.at_limit.fill(0);
         self.lead.fill(0.0);
+        self.ws = Workspace::new(&self.arm);
         self.started = false;
+        self.time = 0.0;
     }
 
     /// One period: from measured lengths (m) and pressures (Pa absolute) to commanded pressures `out`.
@@ -146,6 +150,14 @@ impl Controller {
         }
         self.observer.update(lengths, pressures)?;
         let (arm, ws) = (&*self.arm, &mut self.ws);
+        // The model's effects may have hidden states (creep, hysteresis): they follow the estimate, period by period.
+        let state = self.observer.state();
+        if self.started {
+            ws.effects.end_step(arm, self.time, state);
+        }
+        ws.effects.begin_step(arm, self.time, state);
+        ws.effects.time = self.time;
+        self.time += self.parameters.period;
         let state =
             State { q: self.observer.lengths(), qd: self.observer.rates(), disturbance: self.observer.disturbance() };
         let wants = self.law.evaluate(arm, state, target, &self.at_limit, ws);

@@ -60,6 +60,7 @@ pub struct Observer {
     acceleration: Vec<f64>,
     started: bool,
     since_renewal: u32,
+    time: f64,
 }
 
 impl Observer {
@@ -102,12 +103,15 @@ impl Observer {
             acceleration: vec![0.0; m],
             started: false,
             since_renewal: 0,
+            time: 0.0,
             arm,
         })
     }
 
     /// Forgets everything but the gain.
     pub fn reset(&mut self) {
+        self.ws = Workspace::new(&self.arm);
+        self.time = 0.0;
         self.started = false;
     }
 
@@ -119,6 +123,11 @@ impl Observer {
     /// Estimated rates, m/s.
     pub fn rates(&self) -> &[f64] {
         &self.estimate[self.previous.len()..2 * self.previous.len()]
+    }
+
+    /// Estimated lengths, then rates.
+    pub fn state(&self) -> &[f64] {
+        &self.estimate[..2 * self.previous.len()]
     }
 
     /// Estimated acceleration that the model does not explain, m/s^2; zero without a model.
@@ -173,6 +182,7 @@ impl Observer {
     /// The estimate one period on, under the pressures of that period.
     fn predict(&mut self, pressures: &[f64]) {
         let (m, h) = (self.previous.len(), self.period);
+        self.ws.effects.begin_step(&self.arm, self.time, &self.estimate[..2 * m]);
         // An ideal pressure stood at its present value all the period; a real one moved there from the last.
         let ideal = self.arm.pneumatics.as_ref().is_none_or(|p| p.level == PneumaticsLevel::Ideal);
         for (mean, p) in self.pressures.iter_mut().zip(pressures) {
@@ -183,12 +193,15 @@ impl Observer {
         for k in 0..m {
             self.middle[k] = q[k] + 0.5 * h * qd[k];
         }
+        self.ws.effects.time = self.time + 0.5 * h;
         forward_dynamics_into(&self.arm, &self.middle, qd, &self.pressures, None, &mut self.ws, &mut self.acceleration);
         for k in 0..m {
             let before = qd[k];
             qd[k] += h * (self.acceleration[k] + disturbance[k]);
             q[k] += 0.5 * h * (before + qd[k]);
         }
+        self.time += h;
+        self.ws.effects.end_step(&self.arm, self.time, &self.estimate[..2 * m]);
         self.pressures.copy_from_slice(pressures);
     }
 

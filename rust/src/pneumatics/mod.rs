@@ -313,6 +313,33 @@ impl<T: Real> Chambers<T> {
         }
     }
 
+    /// Pressures at the ends of the sub-steps of the step begun last, with the lengths moving on evenly.
+    #[inline(always)]
+    pub fn predicted(&mut self, arm: &Arm<T>, mut each: impl FnMut(f64, &[T])) {
+        let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
+        // The lag bends within a step; as many pieces as the chambers have.
+        let lag = pneumatics.level == PneumaticsLevel::Lag;
+        let h = self.end - self.start;
+        let pieces = if lag { (h / SUBSTEP).ceil().max(1.0) as usize } else { self.substeps };
+        let inputs = self.drives.len();
+        for k in 0..=pieces {
+            let elapsed = h * k as f64 / pieces as f64;
+            for j in 0..inputs {
+                let drive = &self.drives[j];
+                self.volumes[j] = if lag {
+                    lagged(pneumatics, self.nodes[j], drive, elapsed)
+                } else {
+                    chamber::pressure(
+                        pneumatics,
+                        self.nodes[k * inputs + j],
+                        drive.volume + drive.volume_rate * elapsed,
+                    )
+                };
+            }
+            each(self.start + elapsed, &self.volumes);
+        }
+    }
+
     /// The step was accepted.
     #[inline(always)]
     pub fn end_step(&mut self) {

@@ -3,7 +3,7 @@
 use super::arm::PyArm;
 use super::arrays::{any_vector, matrix, rows, shaped, small, vector};
 use super::errors::{input, to_python};
-use crate::closed_loop::{self, Exchange, Reference, Sensors, Stepper};
+use crate::closed_loop::{self as core_loop, Exchange, Reference, Sensors, Stepper};
 use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
 use crate::control::{Controller, ControllerParameters, Limits, Target, linearization};
@@ -188,8 +188,16 @@ pub fn closed_loop<'py>(
     pressure_noise: f64,
     seed: u64,
     decimation: usize,
-) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>, Bound<'py, PyArray2<i8>>, Matrix<'py>, Option<Py<PyAny>>)>
-{
+) -> PyResult<(
+    Matrix<'py>,
+    Matrix<'py>,
+    Matrix<'py>,
+    Matrix<'py>,
+    Matrix<'py>,
+    Bound<'py, PyArray2<i8>>,
+    Matrix<'py>,
+    Option<Py<PyAny>>,
+)> {
     let py = stepper.py();
     let stepper = stepper.get();
     let (m, inputs) = (stepper.coordinates, stepper.inputs);
@@ -227,7 +235,7 @@ pub fn closed_loop<'py>(
                 x.at_limit.copy_from_slice(controller.at_limit());
                 Ok(())
             };
-            Some(closed_loop::run(&mut plant, sensors, &reference, plan, &mut control, &mut || {
+            Some(core_loop::run(&mut plant, sensors, &reference, plan, &mut control, &mut || {
                 raised = Python::attach(|py| py.check_signals()).err();
                 raised.is_some()
             }))
@@ -247,7 +255,7 @@ pub fn closed_loop<'py>(
                 Error::Interrupted
             })
         };
-        closed_loop::run(&mut plant, sensors, &reference, plan, &mut control, &mut || false)
+        core_loop::run(&mut plant, sensors, &reference, plan, &mut control, &mut || false)
     };
     if let Some(error) = raised {
         return Err(error);
@@ -291,7 +299,7 @@ pub fn rest_near<'py>(
     let (py, arm) = (q.py(), &arm.get().arm);
     let q = vector(q, "q", arm.coordinates())?;
     let limits = limits(arm.inputs, low, high, preferred)?;
-    let (p, rest) = closed_loop::rest_near(arm, q.as_slice()?, &limits).map_err(|e| to_python(py, &e))?;
+    let (p, rest) = core_loop::rest_near(arm, q.as_slice()?, &limits).map_err(|e| to_python(py, &e))?;
     Ok((small(py, &p), small(py, &rest)))
 }
 

@@ -1,10 +1,14 @@
-//! The extension module `bha._core`: one file per exposed class, one for arrays, one for errors.
+//! The extension module `bha._core`: one file per exposed class or function, one for arrays, one for errors.
 
 mod arm;
 mod arrays;
+mod batch;
 mod control;
+mod effects;
 mod errors;
 mod simulation;
+mod table;
+mod virtual_arm;
 
 use pyo3::prelude::*;
 
@@ -23,5 +27,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::resolved_motion, m)?)?;
     m.add_function(wrap_pyfunction!(control::linearize, m)?)?;
     m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
-    Ok(())
+    m.add_class::<virtual_arm::PyVirtualArm>()?;
+    m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
+    m.add_function(wrap_pyfunction!(effects::effect_kinds, m)?)?;
+    m.add_function(wrap_pyfunction!(effects::formula_fault, m)?)?;
+    table::register(m)
 }
