@@ -183,7 +183,8 @@ def test_saturates_gracefully(name: str) -> None:
     back = point_to_point(far, START, max_velocity=0.6, max_acceleration=6.0, max_jerk=100.0, rest=1.5)
     run = simulate_closed_loop(ARM, law(name), out.followed_by(back))
     assert set(run.saturation()) & {"p31", "p32", "p33"}
-    assert np.all(run.commands >= 0.7e5) and np.all(run.commands <= 2.2e5)
+    assert np.all(run.commands >= 0.7e5)
+    assert np.all(run.commands <= 2.2e5)
     assert run.tip_error[-1] < 8e-3
     assert np.abs(run.trajectory.velocities[-100:]).max() < 0.02
 
@@ -249,7 +250,8 @@ def test_tip_circle_is_a_circle_within_the_lengths() -> None:
     assert np.linalg.norm(tips[:, :2], axis=1) == pytest.approx(0.12, abs=1e-7)
     assert reference.tip_positions == pytest.approx(tips, abs=1e-7)
     found = Limits.of(ARM)
-    assert np.all(reference.lengths >= found.shortest) and np.all(reference.lengths <= found.longest)
+    assert np.all(reference.lengths >= found.shortest)
+    assert np.all(reference.lengths <= found.longest)
     # Jerk-limited: accelerations begin and end at zero and do not jump.
     assert np.abs(reference.accelerations[[0, -1]]).max() < 1e-2
     assert np.abs(np.diff(reference.accelerations, axis=0)).max() < 0.5
@@ -274,7 +276,8 @@ def test_shared_inputs_and_four_bellows() -> None:
     found = Limits.of(arm)
     p, q = _core.rest_near(arm, np.full(6, 0.09), found.low, found.high, found.preferred)
     run = simulate_closed_loop(arm, GravityPd(arm), hold(q, 0.5))
-    assert np.all(p >= found.low - 1e-6) and np.all(p <= found.high + 1e-6)
+    assert np.all(p >= found.low - 1e-6)
+    assert np.all(p <= found.high + 1e-6)
     assert run.tip_error[-1] < 1e-3
 
 

@@ -132,8 +132,12 @@ def point_to_point(
     a, b = _vector(start, "start"), _vector(end, "end")
     if a.shape != b.shape:
         raise InputError(f"end: expected shape {a.shape}, as start has, found {b.shape}")
-    position, velocity, acceleration = _jerk_limited(a, b, (max_velocity, max_acceleration, max_jerk), rest, period)
-    return Reference(period, position, velocity, acceleration)
+    # Along the straight line between them; the length that has farthest to go feels the limits.
+    farthest = float(np.max(np.abs(b - a), initial=0.0))
+    motion = _jerk_limited(farthest, (max_velocity, max_acceleration, max_jerk), rest, period)
+    way = (b - a) / farthest if farthest > 0 else np.zeros_like(a)
+    along, velocity, acceleration = (np.outer(column, way) for column in motion)
+    return Reference(period, a + along, velocity, acceleration)
 
 
 def tip_path(
@@ -174,8 +178,8 @@ def tip_path(
     """
     bounds = limits or Limits.of(arm)
     bound = (max_velocity, max_acceleration, max_jerk)
-    along, _, _ = _jerk_limited(np.zeros(1), np.array([float(length)]), bound, rest, period)
-    positions = np.asarray(path(along[:, 0]), dtype=np.float64)
+    along, _, _ = _jerk_limited(float(length), bound, rest, period)
+    positions = np.asarray(path(along), dtype=np.float64)
     first = (bounds.shortest + bounds.longest) / 2 if start is None else _vector(start, "start")
     aim = None if directions is None else np.tile(_vector(directions, "directions"), (len(positions), 1))
     lengths = _core.resolved_motion(arm, positions, aim, first, bounds.shortest, bounds.longest)
@@ -226,30 +230,25 @@ def tip_circle(
 
 
 def _jerk_limited(
-    start: Floats, end: Floats, limits: tuple[float, float, float], rest: float, period: float
+    distance: float, limits: tuple[float, float, float], rest: float, period: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Position, velocity and acceleration, shape (k, d) each, from rest to rest and then ``rest`` s."""
+    """Position, velocity and acceleration (k,) from rest at 0 to rest at ``distance``, and then ``rest`` s."""
     for name, value in zip(("max_velocity", "max_acceleration", "max_jerk", "period"), (*limits, period), strict=True):
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"{name}: {value}; a positive number is needed")
     if not (math.isfinite(rest) and rest >= 0):
         raise InputError(f"rest: {rest}; a number of seconds not below zero is needed")
     ruckig = import_extra("ruckig", extra="control", purpose="A jerk-limited reference")
-    count = len(start)
-    wanted = ruckig.InputParameter(count)
-    wanted.current_position, wanted.target_position = start.tolist(), end.tolist()
-    velocity, acceleration, jerk = limits
-    wanted.max_velocity, wanted.max_acceleration = [velocity] * count, [acceleration] * count
-    wanted.max_jerk = [jerk] * count
-    wanted.synchronization = ruckig.Synchronization.Phase
-    motion = ruckig.Trajectory(count)
-    result = ruckig.Ruckig(count).calculate(wanted, motion)
+    wanted = ruckig.InputParameter(1)
+    wanted.target_position = [distance]
+    wanted.max_velocity, wanted.max_acceleration, wanted.max_jerk = ([value] for value in limits)
+    motion = ruckig.Trajectory(1)
+    result = ruckig.Ruckig(1).calculate(wanted, motion)
     if result not in (ruckig.Result.Finished, ruckig.Result.Working):
-        raise InputError(f"no jerk-limited motion between these points: ruckig says {result}")
+        raise InputError(f"distance: {distance}; no jerk-limited motion over it: ruckig says {result}")
     times = np.arange(math.ceil((motion.duration + rest) / period) + 1) * period
     rows = np.array([motion.at_time(min(float(t), motion.duration)) for t in times])
-    # At the end ruckig's acceleration is zero but for rounding.
-    return rows[:, 0, :], rows[:, 1, :], rows[:, 2, :]
+    return rows[:, 0, 0], rows[:, 1, 0], rows[:, 2, 0]
 
 
 def _vector(values: ArrayLike, name: str) -> Floats:

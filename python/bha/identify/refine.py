@@ -179,13 +179,17 @@ def refine(
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
     """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
     arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
-    return np.stack([guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces])
+    return np.stack(
+        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
+    )
 
 
 def scales(problem: Problem, point: Point, records: Sequence[Record]) -> Residuals:
     """Scale of each channel: its sensor noise, or the robust spread of its residuals where that is larger."""
     spread = [[np.zeros(0)] * len(rec.channels) for rec in records]
-    for window, predicted in zip(problem.windows, problem.model.predict(point.z, problem.windows, point.states), strict=True):
+    for window, predicted in zip(
+        problem.windows, problem.model.predict(point.z, problem.windows, point.states), strict=True
+    ):
         rec = records[window.record]
         rows = slice(window.first, window.last)
         error = rec.measured[rows] - predicted

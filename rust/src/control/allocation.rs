@@ -1,10 +1,10 @@
 //! Pressures within limits from a wanted actuation force: tau = A(q) (p - p_amb), paper (53), turned round.
 //!
-//! min |A x - tau|^2 + eps |x - x_0|^2 for x = p - p_amb within limits, a strictly convex bounded least-squares problem,
-//! by a primal active-set method (Nocedal & Wright, *Numerical Optimization*, alg. 16.3) that starts from the last
-//! period's active set. eps is 1e-9 of A^T A's mean diagonal: too small to be seen in tau, it decides what tau does not.
-//! x_0 is that choice: where more bellows than coordinates act, or some act on nothing, pressures tend to x_0, so that
-//! a higher common pressure makes the arm stiffer (trapped air) without moving it.
+//! min |A x - tau|^2 + eps |x - x_0|^2 for x = p - p_amb within limits, a strictly convex bounded least-squares
+//! problem, by a primal active-set method (Nocedal & Wright, *Numerical Optimization*, alg. 16.3) that starts from the
+//! last period's active set. eps is 1e-9 of A^T A's mean diagonal: too small to be seen in tau, it decides what tau
+//! does not. x_0 is that choice: where more bellows than coordinates act, or some act on nothing, pressures tend to
+//! x_0, so that a higher common pressure makes the arm stiffer (trapped air) without moving it.
 //! Nothing is allocated after `new`.
 
 use super::dense;

@@ -58,12 +58,11 @@ pub struct ControllerParameters {
     pub observer: ObserverParameters,
     /// Limits of the pressures.
     pub limits: Limits,
-    /// Time constant of the pressures that is taken back, p = p_wanted + T p_wanted', s; 0: none.
+    /// Time constant T of the pressures that is taken back, s; 0: none. T times the rate of the pressures that the
+    /// target alone asks for is added: a lead without the sensors' noise, and outside the feedback, which it cannot
+    /// upset.
     pub lead_time: f64,
 }
-
-/// The lead's derivative is low-passed with this part of the lead time, or noise would fill the valve.
-const LEAD_FILTER: f64 = 0.25;
 
 /// Where the arm should be in a period.
 #[derive(Clone, Copy, Debug)]
@@ -87,8 +86,9 @@ pub struct Controller {
     ws: Workspace,
     at_limit: Vec<i8>,
     wanted: Vec<f64>,
-    /// Low-passed rate of the wanted pressures, Pa/s, and the wanted pressures before.
-    lead: Vec<f64>,
+    /// For the lead: pressures that the target alone asks for, and those of the period before.
+    lead: Allocation,
+    asked: Vec<f64>,
     before: Vec<f64>,
     started: bool,
     time: f64,
@@ -120,7 +120,8 @@ impl Controller {
             ws: Workspace::new(&arm),
             at_limit: vec![0; arm.inputs],
             wanted: vec![0.0; arm.inputs],
-            lead: vec![0.0; arm.inputs],
+            lead: Allocation::new(&arm, &limits.low, &limits.high, &limits.preferred),
+            asked: vec![0.0; arm.inputs],
             before: vec![0.0; arm.inputs],
             started: false,
             time: 0.0,
@@ -134,7 +135,7 @@ impl Controller {
         self.observer.reset();
         self.allocation.reset();
         self.at_limit.fill(0);
-        self.lead.fill(0.0);
+        self.lead.reset();
         self.ws = Workspace::new(&self.arm);
         self.started = false;
         self.time = 0.0;
@@ -178,20 +179,21 @@ impl Controller {
             ));
         }
         let ControllerParameters { period, lead_time, limits, .. } = &self.parameters;
+        let leads = *lead_time > 0.0 && self.law.feed_forward(arm, target, ws);
+        if leads {
+            self.lead.solve(arm, target.q, &self.law.tau, ws, &mut self.asked);
+        }
         if !self.started {
-            self.before.copy_from_slice(&self.wanted);
+            self.before.copy_from_slice(&self.asked);
             self.started = true;
         }
-        let keep = if *lead_time > 0.0 { (-period / (LEAD_FILTER * lead_time)).exp() } else { 0.0 };
         for (j, p) in out.iter_mut().enumerate() {
-            let wanted = self.wanted[j];
-            self.lead[j] = keep * self.lead[j] + (1.0 - keep) * (wanted - self.before[j]) / period;
-            self.before[j] = wanted;
-            let (low, high) = (limits.low[j], limits.high[j]);
-            *p = (wanted + lead_time * self.lead[j]).clamp(low, high);
+            let (low, high, wanted) = (limits.low[j], limits.high[j], self.wanted[j]);
+            *p = (wanted + lead_time / period * (self.asked[j] - self.before[j])).clamp(low, high);
             // Flags say what the law wants, not what the lead adds for a moment.
             self.at_limit[j] = i8::from(wanted >= high) - i8::from(wanted <= low);
         }
+        self.before.copy_from_slice(&self.asked);
         Ok(())
     }
 

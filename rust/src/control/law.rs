@@ -3,12 +3,18 @@
 //! With e = q_ref - q, lengths q, and the model's M q'' + C q' + N = tau (paper (48)):
 //! - `pid`: each input by itself, on the mean length b of the bellows it feeds:
 //!   p = p_0 + k_p e_b + k_i int e_b + k_d e_b'. What a user has without a model.
-//! - `gravity_pd`: tau = N(q_ref, 0) + K_p e + K_d e' + K_i int e: weight, springs and bending of the target pose fed forward.
-//! - `static_model`: tau = N(q_c, 0) with q_c = q_ref + k_p e + k_i int e: the static coupled model (62), turned round at
-//!   a corrected pose. It knows no inertia and no damping.
-//! - `feedback_linearization`: tau = M a + C q' + N(q, q'), a = q_ref'' + k_d e' + k_p e + k_i int e - a_d, with the model
-//!   in full or reduced as the arm given says, a_d the observer's unexplained acceleration where wanted.
-//! - `state_feedback`: p = p_0(q_ref) + K (x_ref - x), K from the linearization, p_0 by the static model.
+//! - `gravity_pd`: tau = N(q_ref, 0) + K_p e + K_d e' + K_i int e: weight, springs and bending of the target pose fed
+//! forward. - `static_model`: tau = N(q_c, 0) with q_c = q_ref + k_p e + k_i int e: the static coupled model (62),
+//! turned round at   a corrected pose. It knows no inertia and no damping.
+//! - `feedback_linearization`: tau = M a + C q' + N with a = q_ref'' + k_d e' + k_p e - a_d, the model in full or
+//! reduced as   the arm given says, a_d the observer's unexplained acceleration where wanted. The model is taken
+//!   at the measured state: the error then has no dynamics but a's, and the arm's own stiffness is cancelled with the
+//! model's;   or at the corrected reference (q_c, q_ref'), q_c = q_ref + r int e: the same along the reference, but the
+//! arm keeps its own   stiffness and damping against errors (feedforward linearization, Hagenmeyer & Delaleau, Int. J.
+//! Control 76 (2003) 537).   An arm whose bellows are stiff and whose stiffness is known to 10 % needs the latter: with
+//! k / m = (150 rad/s)^2   cancelled and k_p = (14 rad/s)^2 in its place, a force error of 1 % of the springs' is a
+//! large error in length. - `state_feedback`: p = p_0(q_ref) + K (x_ref - x), K from the linearization, p_0 by the
+//! static model.
 //!
 //! Anti-windup: while an input is at a limit, an integral only moves towards zero. (`pid`: input by input.)
 //! Units: tau N; gains as their names say below.
@@ -57,10 +63,12 @@ pub enum LawParameters {
     FeedbackLinearization {
         /// 1/s^2.
         proportional: f64,
-        /// 1/s^3.
+        /// Rate at which the reference's pose is corrected, 1/s, or for the model at the measured state 1/s^3.
         integral: f64,
         /// 1/s.
         derivative: f64,
+        /// Whether the model is taken at the measured state.
+        at_measured: bool,
         /// Whether the observer's unexplained acceleration is taken off.
         compensate_disturbance: bool,
     },
@@ -226,15 +234,29 @@ impl Law {
                 static_force(arm, &self.pose, &self.still, ws, &mut self.tau);
                 Output::ForceAtPose
             }
-            LawParameters::FeedbackLinearization { proportional, integral, derivative, compensate_disturbance } => {
-                let explained = if *compensate_disturbance { 1.0 } else { 0.0 };
+            LawParameters::FeedbackLinearization {
+                proportional,
+                integral,
+                derivative,
+                at_measured,
+                compensate_disturbance,
+            } => {
+                let unexplained = if *compensate_disturbance { 1.0 } else { 0.0 };
                 for k in 0..m {
                     let (error, rate) = (target.q[k] - state.q[k], target.qd[k] - state.qd[k]);
                     advance(&mut self.integral[k], *integral, error, limited);
-                    self.acceleration[k] = target.qdd[k] + derivative * rate + proportional * error + self.integral[k]
-                        - explained * state.disturbance[k];
+                    self.acceleration[k] =
+                        target.qdd[k] + derivative * rate + proportional * error - unexplained * state.disturbance[k];
+                    self.pose[k] = target.q[k] + self.integral[k];
                 }
-                inverse_dynamics_into(arm, state.q, state.qd, &self.acceleration, None, ws, &mut self.tau);
+                if *at_measured {
+                    for (a, integral) in self.acceleration.iter_mut().zip(&self.integral) {
+                        *a += integral;
+                    }
+                    inverse_dynamics_into(arm, state.q, state.qd, &self.acceleration, None, ws, &mut self.tau);
+                } else {
+                    inverse_dynamics_into(arm, &self.pose, target.qd, &self.acceleration, None, ws, &mut self.tau);
+                }
                 Output::Force
             }
             LawParameters::StateFeedback { gain } => {
@@ -249,6 +271,18 @@ impl Law {
                 Output::Pressures
             }
         }
+    }
+
+    /// The force that the target alone asks for, by the law's model, into [`Law::tau`]; false for laws without one.
+    pub fn feed_forward(&mut self, arm: &Arm, target: Target<'_>, ws: &mut Workspace) -> bool {
+        match self.parameters {
+            LawParameters::Pid { .. } => return false,
+            LawParameters::FeedbackLinearization { .. } => {
+                inverse_dynamics_into(arm, target.q, target.qd, target.qdd, None, ws, &mut self.tau);
+            }
+            _ => static_force(arm, target.q, &self.still, ws, &mut self.tau),
+        }
+        true
     }
 
     /// Whether [`Law::pressures`] are to be added to those of the force at [`Law::pose`].

@@ -92,8 +92,8 @@ mod tests {
             };
             let ((plus, width), (minus, _)) = (at(1.0), at(-1.0));
             let exact: Vec<f64> = (0..m)
-                .map(|r| if column < 2 * m { linear.state[(m + r, column)] } else { linear.input[(m + r, column - 2 * m)] })
-                .collect();
+                .map(|r| if column < 2 * m { linear.state[(m + r, column)] } else { linear.input[(m + r, column - 2 *
+                m)] }) .collect();
             let scale = exact.iter().fold(1e-6_f64, |s, x| s.max(x.abs()));
             for r in 0..m {
                 let difference = (plus[r] - minus[r]) / width;

@@ -2,9 +2,9 @@
 //!
 //! `kalman`: prediction by the full model under the measured pressures (one evaluation a period, at the lengths half a
 //! period ahead), correction by a steady-state gain from the linearization at a working point (exact derivatives,
-//! [`super::linearization`]; Riccati equation, [`super::riccati`]), renewed at the present estimate every so many periods if
-//! wanted. Beside lengths and rates it estimates a slowly wandering acceleration that the model does not explain (a random
-//! walk), so that a wrong model biases that and not the rates.
+//! [`super::linearization`]; Riccati equation, [`super::riccati`]), renewed at the present estimate every so many
+//! periods if wanted. Beside lengths and rates it estimates a slowly wandering acceleration that the model does not
+//! explain (a random walk), so that a wrong model biases that and not the rates.
 //! `difference`: differences of the lengths through a first-order low pass; needs no model.
 //! Units: lengths m, rates m/s, unexplained acceleration m/s^2.
 

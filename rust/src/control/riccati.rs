@@ -1,8 +1,8 @@
 //! The discrete algebraic Riccati equation, and the two gains that come from it.
 //!
 //! P = A^T P A - A^T P B (R + B^T P B)^-1 B^T P A + Q by the structure-preserving doubling algorithm (Chu, Fan, Lin &
-//! Wang, Int. J. Control 77 (2004) 767): quadratic convergence, k doublings stand for 2^k steps of the Riccati recursion.
-//! Used when a controller is made or its gain renewed, not every period.
+//! Wang, Int. J. Control 77 (2004) 767): quadratic convergence, k doublings stand for 2^k steps of the Riccati
+//! recursion. Used when a controller is made or its gain renewed, not every period.
 
 use crate::error::{Error, Result};
 use nalgebra::DMatrix;

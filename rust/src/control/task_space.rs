@@ -1,4 +1,5 @@
-//! Lengths from a wanted tip: position, and direction if wanted, with what is left over used to stay within the lengths.
+//! Lengths from a wanted tip: position, and direction if wanted, with what is left over used to stay within the
+//! lengths.
 //!
 //! Resolved motion (Whitney 1969) with the redundancy in the null space (Liegeois, IEEE Trans. SMC 7 (1977) 868):
 //! dq = J^+ dx - (1 - J^+ J) k grad H, H = 1/2 sum ((q - middle) / half range)^2, by damped least squares
@@ -78,8 +79,8 @@ impl ResolvedMotion {
                 return match outside {
                     None => Ok(()),
                     Some(k) => Err(Error::Convergence(format!(
-                        "the tip {:?} is reached only with length {} of section {} at {:.4} m, outside {:.4} to {:.4} m",
-                        tip.position.0,
+                        "the tip {:?} is reached only with length {} of section {} at {:.4} m, outside {:.4} to {:.4}
+                        m", tip.position.0,
                         k % 3 + 1,
                         k / 3 + 1,
                         q[k],

@@ -7,7 +7,7 @@
 use super::Workspace;
 use super::recursion::{Inertia, body_tensor};
 use crate::arm::Arm;
-use crate::forces::{ForceSet, Load, accumulate, project};
+use crate::forces::{ForceSet, accumulate, project};
 use crate::kinematics::chain::{Link, Motion, pass, subspace_rate};
 use crate::kinematics::coordinates::force_on_lengths;
 use crate::kinematics::section::Subspace;
