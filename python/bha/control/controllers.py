@@ -29,9 +29,8 @@ class Controller:
         arm: the controller's model.
         observer: where the rates come from; None: a Kalman filter for laws with a model, differences for ``Pid``.
         limits: limits of pressures; None: those of the arm's parameter file.
-        lead_time: time constant of the pressures that the controller takes back (p + T p'), s; None: that of the
-        model's
-            pneumatics. 0 leaves it out.
+        lead_time: time constant of the pressures that the controller takes back, s: it adds that much of the rate of the
+            pressures that the reference alone asks for. None: that of the model's pneumatics; 0 leaves it out.
     """
 
     arm: Arm
@@ -79,9 +78,9 @@ class Pid(Controller):
         derivative: s, multiple of k / A.
     """
 
-    proportional: float = 0.4
-    integral: float = 4.0
-    derivative: float = 0.04
+    proportional: float = 1.0
+    integral: float = 6.0
+    derivative: float = 0.02
     lead_time: float | None = field(default=0.0, kw_only=True)
 
     def law(self) -> dict[str, Any]:
@@ -132,8 +131,8 @@ class StaticModel(Controller):
         integral: 1/s.
     """
 
-    proportional: float = 0.3
-    integral: float = 3.0
+    proportional: float = 0.0
+    integral: float = 0.6
 
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
@@ -142,20 +141,23 @@ class StaticModel(Controller):
 
 @dataclass(frozen=True)
 class FeedbackLinearization(Controller):
-    """Feedback linearization: tau = M a + C q' + N, a = q_ref'' + k_d e' + k_p e + k_i int e.
+    """Feedback linearization: tau = M a + C q' + N, a = q_ref'' + k_d e' + k_p e.
 
-    The gains place the poles of the linearized error at ``bandwidth`` with ``damping_ratio`` and one at
-    ``integral_rate``.
+    Taken at the reference, corrected by the integral of the error, the arm keeps its own stiffness and damping against
+    errors; taken at the measured state, they are cancelled with the model's, which only pays where these are known to a
+    per cent or so and pressures follow at once.
 
     Attributes:
         dynamics: ``"full"``, or ``"reduced"`` (paper: without rotational energy and Coriolis forces).
-        bandwidth: rad/s.
-        damping_ratio: plain number.
-        integral_rate: rad/s; 0: no integral.
+        at: where the model is taken, ``"reference"`` or ``"measured"``.
+        bandwidth: k_p is its square, rad/s; at the measured state that of the error's poles.
+        damping_ratio: k_d = 2 damping_ratio bandwidth.
+        integral_rate: rate of the integral's correction, 1/s (at the measured state the third pole); 0: no integral.
         compensate_disturbance: whether the acceleration that the Kalman filter finds unexplained is taken off.
     """
 
     dynamics: Literal["full", "reduced"] = "full"
+    at: Literal["reference", "measured"] = "reference"
     bandwidth: float = 14.0
     damping_ratio: float = 1.0
     integral_rate: float = 2.0
@@ -169,11 +171,13 @@ class FeedbackLinearization(Controller):
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
         w, d, i = self.bandwidth, 2 * self.damping_ratio * self.bandwidth, self.integral_rate
+        measured = self.at == "measured"
         return {
             "kind": "feedback_linearization",
-            "proportional": w**2 + d * i,
-            "integral": w**2 * i,
-            "derivative": d + i,
+            "proportional": w**2 + d * i if measured else w**2,
+            "integral": w**2 * i if measured else i,
+            "derivative": d + i if measured else d,
+            "at_measured": measured,
             "compensate_disturbance": self.compensate_disturbance,
         }
 
