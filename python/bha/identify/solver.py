@@ -53,7 +53,10 @@ class Residuals:
     def cost(self, residuals: Array) -> float:
         """Sum of the loss; for plain least squares the sum of squares."""
         size = np.abs(residuals)
-        return float(np.sum(np.where(size <= self.huber, size**2, 2.0 * self.huber * size - self.huber**2)))
+        inside = np.minimum(size, self.huber)
+        outside = size - inside
+        linear = 2.0 * self.huber * outside if np.isfinite(self.huber) else 0.0
+        return float(np.sum(inside**2 + linear))
 
     def weights(self, residuals: Array) -> Array:
         """Square roots of the weights that make the loss a sum of squares at this point."""
@@ -197,7 +200,7 @@ class Problem:
             weight = self.residuals.weights(residual)
             factor = (weight * mask / self.residuals.scale[window.record])[..., None]
             block = Block(weight * residual, by_z * factor, by_state * factor, mask)
-            a, b, r = block.by_z.reshape(-1, p), block.by_state.reshape(-1, s), block.residual.reshape(-1)
+            a, b, r = block.by_z.reshape(mask.size, p), block.by_state.reshape(mask.size, s), block.residual.ravel()
             h, g = h + a.T @ a, g + a.T @ r
             h_state[k] = b.T @ b + np.diag(state_precision)
             g_state[k] = b.T @ r + state_precision * (self.guesses[k] - point.states[k])
