@@ -45,13 +45,28 @@ impl<T: Real> Vec3<T> {
     /// Scalar product.
     #[inline(always)]
     pub fn dot(self, o: Self) -> T {
-        self.0[0] * o.0[0] + self.0[1] * o.0[1] + self.0[2] * o.0[2]
+        self.0[2].mul_add(o.0[2], self.0[1].mul_add(o.0[1], self.0[0] * o.0[0]))
+    }
+    /// `self * k + o`.
+    #[inline(always)]
+    pub fn mul_add(self, k: T, o: Self) -> Self {
+        Self([0, 1, 2].map(|j| self.0[j].mul_add(k, o.0[j])))
+    }
+    /// `o - self * k`.
+    #[inline(always)]
+    pub fn neg_mul_add(self, k: T, o: Self) -> Self {
+        Self([0, 1, 2].map(|j| self.0[j].neg_mul_add(k, o.0[j])))
+    }
+    /// `self * k[0] + b * k[1] + c * k[2]`.
+    #[inline(always)]
+    pub fn combined(self, k: [T; 3], b: Self, c: Self) -> Self {
+        c.mul_add(k[2], b.mul_add(k[1], self * k[0]))
     }
     /// Vector product.
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, o.0);
-        Self([b * z - c * y, c * x - a * z, a * y - b * x])
+        Self([b.mul_sub(z, c * y), c.mul_sub(x, a * z), a.mul_sub(y, b * x)])
     }
 }
 
@@ -136,7 +151,7 @@ impl<T: Real> Mat3<T> {
     /// The transposed matrix times a vector.
     #[inline(always)]
     pub fn transposed_mul_vec(&self, v: Vec3<T>) -> Vec3<T> {
-        Vec3(self.0[0]) * v.0[0] + Vec3(self.0[1]) * v.0[1] + Vec3(self.0[2]) * v.0[2]
+        Vec3(self.0[0]).combined(v.0, Vec3(self.0[1]), Vec3(self.0[2]))
     }
     /// Matrix product.
     #[inline(always)]
@@ -191,7 +206,7 @@ impl<T: Real> Sym3<T> {
     #[inline(always)]
     pub fn mul_vec(&self, v: Vec3<T>) -> Vec3<T> {
         let ([xx, xy, xz, yy, yz, zz], [x, y, z]) = (self.0, v.0);
-        Vec3([xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z])
+        Vec3([Vec3([xx, xy, xz]), Vec3([xy, yy, yz]), Vec3([xz, yz, zz])].map(|row| row.dot(Vec3([x, y, z]))))
     }
     /// Elementwise sum.
     #[inline(always)]
@@ -209,9 +224,11 @@ impl<T: Real> Sym3<T> {
     #[inline(always)]
     pub fn inverse(&self) -> Self {
         let [xx, xy, xz, yy, yz, zz] = self.0;
-        let (c0, c1, c2) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
-        let k = (xx * c0 + xy * c1 + xz * c2).recip();
-        Self([c0 * k, c1 * k, c2 * k, (xx * zz - xz * xz) * k, (xy * xz - xx * yz) * k, (xx * yy - xy * xy) * k])
+        let minor = |a: T, b: T, c: T, d: T| a.mul_sub(b, c * d);
+        let (c0, c1, c2) = (minor(yy, zz, yz, yz), minor(xz, yz, xy, zz), minor(xy, yz, xz, yy));
+        let k = Vec3([xx, xy, xz]).dot(Vec3([c0, c1, c2])).recip();
+        let (c3, c4, c5) = (minor(xx, zz, xz, xz), minor(xy, xz, xx, yz), minor(xx, yy, xy, xy));
+        Self([c0 * k, c1 * k, c2 * k, c3 * k, c4 * k, c5 * k])
     }
 }
 

@@ -181,23 +181,30 @@ fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load:
 fn hand_down<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, joint: &Joint<T>) -> (Inertia<T>, Wrench<T>) {
     let [xx, xy, xz, yy, yz, zz] = joint.inverse.0;
     let u = &joint.u;
-    let mix = |a: T, b: T, c: T| (u[0].0 * a + u[1].0 * b + u[2].0 * c, u[0].1 * a + u[1].1 * b + u[2].1 * c);
+    let mix = |a: T, b: T, c: T| {
+        (u[0].0.combined([a, b, c], u[1].0, u[2].0), u[0].1.combined([a, b, c], u[1].1, u[2].1))
+    };
     let k = [mix(xx, xy, xz), mix(xy, yy, yz), mix(xz, yz, zz)];
     let mut out = *inertia;
     let upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
     for (e, (r, c)) in upper.into_iter().enumerate() {
-        out.rotational.0[e] -= k[0].0.0[r] * u[0].0.0[c] + k[1].0.0[r] * u[1].0.0[c] + k[2].0.0[r] * u[2].0.0[c];
-        out.translational.0[e] -= k[0].1.0[r] * u[0].1.0[c] + k[1].1.0[r] * u[1].1.0[c] + k[2].1.0[r] * u[2].1.0[c];
+        for j in 0..3 {
+            out.rotational.0[e] = k[j].0.0[r].neg_mul_add(u[j].0.0[c], out.rotational.0[e]);
+            out.translational.0[e] = k[j].1.0[r].neg_mul_add(u[j].1.0[c], out.translational.0[e]);
+        }
     }
     for r in 0..3 {
         for c in 0..3 {
-            out.coupling.0[r][c] -= k[0].0.0[r] * u[0].1.0[c] + k[1].0.0[r] * u[1].1.0[c] + k[2].0.0[r] * u[2].1.0[c];
+            for j in 0..3 {
+                out.coupling.0[r][c] = k[j].0.0[r].neg_mul_add(u[j].1.0[c], out.coupling.0[r][c]);
+            }
         }
     }
-    let [f0, f1, f2] = joint.force.0;
     let mut below = *bias;
-    below.torque += k[0].0 * f0 + k[1].0 * f1 + k[2].0 * f2;
-    below.force += k[0].1 * f0 + k[1].1 * f1 + k[2].1 * f2;
+    for j in 0..3 {
+        below.torque = k[j].0.mul_add(joint.force.0[j], below.torque);
+        below.force = k[j].1.mul_add(joint.force.0[j], below.force);
+    }
     (out, below)
 }
 
