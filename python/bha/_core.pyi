@@ -138,3 +138,27 @@ def simulate_batch(
     list[BhaError | None],
     NDArray[np.uint64],
 ]: ...
+
+@final
+class VirtualArm:
+    def __new__(
+        cls,
+        parameters_json: str,
+        distributed: Sequence[tuple[int, float, tuple[float, float, float]]],
+        creep: Sequence[tuple[float, float]],
+    ) -> Self: ...
+    @property
+    def creep_states(self) -> int: ...
+    def rest(self, p: ArrayLike, f_ext: ArrayLike | None = None) -> NDArray[np.float64]: ...
+    def run(
+        self,
+        times: ArrayLike,
+        pressures: ArrayLike,
+        forces: ArrayLike | None,
+        output_times: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike,
+        creep: ArrayLike,
+        step: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+    def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...

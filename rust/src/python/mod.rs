@@ -5,6 +5,8 @@ mod arrays;
 mod batch;
 mod errors;
 mod simulation;
+mod table;
+mod virtual_arm;
 
 use pyo3::prelude::*;
 
@@ -16,6 +18,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
+    m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
-    Ok(())
+    table::register(m)
 }

@@ -1,0 +1,43 @@
+"""The command ``bha``: one subcommand a file, loaded only when it is used."""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+from bha import __version__
+
+#: Subcommand -> (module, attribute, line of help). A new command is a file and a line here.
+COMMANDS: dict[str, tuple[str, str, str]] = {
+    "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
+    "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),
+}
+
+
+class Commands(click.Group):
+    """A group whose subcommands are imported when called, so that ``bha --help`` answers at once."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the subcommands, in the order in which one uses them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Import and return a subcommand."""
+        if name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[name]
+        command = getattr(importlib.import_module(module), attribute)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the subcommands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, help_line) for name, (_, _, help_line) in COMMANDS.items()])
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="bha")
+def main() -> None:
+    """Simulate, identify, diagnose and control pneumatic bellows arms."""

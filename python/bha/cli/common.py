@@ -1,0 +1,106 @@
+"""What the subcommands share: the arm argument, errors without traceback, tables, progress, machine output."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from bha import robots
+from bha.arm import Arm
+from bha.errors import BhaError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+#: Exit code of Ctrl-C, as shells give it.
+INTERRUPTED = 130
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for machines, nothing else.")
+
+
+class ArmArgument(click.ParamType):
+    """A parameter file, or the name of an arm that ships with the package."""
+
+    name = "arm"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Arm:
+        """Load the arm; errors are those of :meth:`bha.Arm.load`."""
+        if isinstance(value, Arm):
+            return value
+        if not os.path.exists(value) and value in robots.names():
+            return robots.load(value)
+        try:
+            return Arm.load(value)
+        except BhaError as error:
+            fail(error)
+
+
+arm_argument = click.argument("arm", metavar="ARM", type=ArmArgument())
+
+
+def fail(error: BhaError, code: int = 1) -> Any:
+    """Print an error and end the program."""
+    click.echo(f"error: {error}", err=True)
+    sys.exit(code)
+
+
+def reports_errors(command: Callable[P, R]) -> Callable[P, R]:
+    """A command whose deliberate errors are printed without traceback, exit code 1; 130 after Ctrl-C."""
+
+    @functools.wraps(command)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return command(*args, **kwargs)
+        except BhaError as error:
+            fail(error)
+            raise
+        except KeyboardInterrupt:
+            click.echo("interrupted", err=True)
+            sys.exit(INTERRUPTED)
+
+    return wrapped
+
+
+def console() -> Console:
+    """Where tables go."""
+    return Console()
+
+
+def progress_bar(*, hidden: bool = False) -> Progress:
+    """A progress bar on standard error with the time left; silent if ``hidden`` or where nobody looks."""
+    errors = Console(stderr=True)
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=errors,
+        transient=True,
+        disable=hidden or not errors.is_terminal,
+    )
+
+
+def print_json(values: dict[str, Any]) -> None:
+    """One JSON object on standard output; NumPy values as numbers and lists."""
+    click.echo(json.dumps(values, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no JSON form")

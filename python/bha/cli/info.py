@@ -1,0 +1,92 @@
+"""``bha info``: what a parameter file says, and what follows from it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+import numpy as np
+from rich.table import Table
+
+from bha.arm import Arm
+from bha.cli.common import arm_argument, console, json_option, print_json, reports_errors
+from bha.errors import ConvergenceError
+
+
+@click.command()
+@arm_argument
+@json_option
+@reports_errors
+def info(arm: Arm, as_json: bool) -> None:
+    """What the parameter file ARM (or the shipped arm of that name) says, and what follows from it."""
+    facts = _facts(arm)
+    if as_json:
+        print_json(facts)
+        return
+    out = console()
+    counts = f"{arm.section_count} sections, {len(arm.inputs)} pressure inputs"
+    out.print(f"[bold]{arm.name}[/bold]: {counts}", highlight=False)
+    out.print(
+        f"mass {facts['mass']:.3g} kg, force model {facts['force_model']}, "
+        f"rotational energy {_word(facts['rotational_energy'])}, Coriolis forces {_word(facts['coriolis_forces'])}",
+        highlight=False,
+    )
+    table = Table("Section", "Key", "Value", "Where it comes from")
+    for row in facts["values"]:
+        table.add_row(row["place"], row["key"], row["text"], row["status"])
+    out.print(table)
+    if facts["rest_lengths"] is not None:
+        rest = Table("Section", "Lengths at ambient pressure [mm]", "Head [mm]")
+        for i, (lengths, head) in enumerate(zip(facts["rest_lengths"], facts["rest_heads"], strict=True)):
+            rest.add_row(str(i + 1), _millimetres(lengths), _millimetres(head))
+        out.print(rest)
+
+
+def _facts(arm: Arm) -> dict[str, Any]:
+    parameters = arm.parameters
+    try:
+        q = arm.static_lengths(np.full(len(arm.inputs), parameters.ambient_pressure))
+        lengths, heads = q.reshape(-1, 3), arm.forward_kinematics(q)[0]
+    except ConvergenceError:
+        lengths = heads = None
+    return {
+        "name": arm.name,
+        "sections": arm.section_count,
+        "inputs": list(arm.inputs),
+        "mass": sum(section.mass for section in parameters.sections),
+        "force_model": parameters.force_model,
+        "rotational_energy": parameters.rotational_energy,
+        "coriolis_forces": parameters.coriolis_forces,
+        "values": [
+            {
+                "place": "arm" if value.section is None else _place(value.section, value.bellows),
+                "key": value.key,
+                "value": value.value,
+                "text": _text(value.value),
+                "status": value.provenance.status,
+            }
+            for value in parameters.stated_values()
+        ],
+        "rest_lengths": lengths,
+        "rest_heads": heads,
+    }
+
+
+def _place(section: int, bellows: int | None) -> str:
+    return str(section) if bellows is None else f"{section}, bellows {bellows}"
+
+
+def _word(switch: bool) -> str:
+    return "on" if switch else "off"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(_text(entry) for entry in value)
+    return str(value)
+
+
+def _millimetres(values: Any) -> str:
+    return ", ".join(f"{1e3 * value:.1f}" for value in values)
