@@ -95,6 +95,14 @@ impl Input {
         self.force_count
     }
 
+    /// Whether a channel jumps at any time.
+    pub fn has_jumps(&self) -> bool {
+        (0..self.times.len() - 1).any(|k| {
+            let jump = self.interpolation == Interpolation::Hold || self.times[k + 1] == self.times[k];
+            jump && self.differs(k)
+        })
+    }
+
     /// First sample time.
     pub fn start(&self) -> f64 {
         self.times[0]

@@ -2,7 +2,7 @@
 
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
-use crate::dynamics::recursion::forward_dynamics_into;
+use crate::dynamics::recursion::ForwardDynamics;
 use crate::input::{Cursor, Input};
 use crate::integrate::System;
 use crate::kinematics::arc::PSI_MAX;
@@ -11,39 +11,86 @@ use crate::linear::Vec3;
 use crate::real::Real;
 use std::sync::Arc;
 
-/// An arm under an input.
+/// Most lanes of any scalar.
+const MOST_LANES: usize = 8;
+
+/// An arm under an input, or several abreast.
 #[derive(Clone, Debug)]
 pub struct Plant<T = f64> {
-    /// The arm.
+    /// The arm, or the arms abreast.
     pub arm: Arc<Arm<T>>,
-    /// Its input.
-    pub input: Arc<Input>,
+    drives: Vec<Drive>,
     ws: Workspace<T>,
     pressures: Vec<T>,
+    /// Time of the pressures, and whether from the left.
+    read: (f64, bool),
+    step_end: f64,
+}
+
+/// An input and where its readers stand.
+#[derive(Clone, Debug)]
+struct Drive {
+    input: Arc<Input>,
+    /// Its clock minus the plant's, s.
+    offset: f64,
     cursor: Cursor,
     jump_cursor: Cursor,
-    step_end: f64,
 }
 
 impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
-        let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
+        Self::abreast(arm, vec![(input, 0.0)])
+    }
+
+    /// The plant of arms abreast, each under its own input: `inputs[k]` drives lane `k` (the only one all lanes) with its
+    /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none.
+    pub fn abreast(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let (cursor, jump_cursor) = (Cursor::default(), Cursor::default());
-        Self { arm, input, ws, pressures, cursor, jump_cursor, step_end: f64::INFINITY }
+        let drives = inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor, jump_cursor }).collect();
+        let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
+        Self { arm, drives, ws, pressures, read: (f64::NAN, false), step_end: f64::INFINITY }
+    }
+
+    /// Whether there are external forces.
+    #[inline(always)]
+    fn has_forces(&self) -> bool {
+        self.drives[0].input.has_forces()
     }
 
     /// Reads the inputs at `t` into the work space.
     #[inline(always)]
     fn read_input(&mut self, t: f64) {
         // At a step's end the limit from the left belongs to the step, also where a channel jumps.
-        let place = self.input.weight(t, t >= self.step_end, &mut self.cursor);
-        for (j, p) in self.pressures.iter_mut().enumerate() {
-            *p = T::from_f64(self.input.pressure(place, j));
+        let before = t >= self.step_end;
+        if self.read == (t, before) {
+            return;
         }
-        if self.input.has_forces() {
-            for (i, f) in self.ws.external.iter_mut().enumerate() {
-                *f = Vec3([0, 1, 2].map(|k| T::from_f64(self.input.force(place, 3 * i + k))));
+        self.read = (t, before);
+        let Self { drives, pressures, ws, .. } = self;
+        let forces = drives[0].input.has_forces();
+        if let [drive] = drives.as_mut_slice() {
+            let place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
+            for (j, p) in pressures.iter_mut().enumerate() {
+                *p = T::from_f64(drive.input.pressure(place, j));
+            }
+            if forces {
+                for (i, f) in ws.external.iter_mut().enumerate() {
+                    *f = Vec3([0, 1, 2].map(|k| T::from_f64(drive.input.force(place, 3 * i + k))));
+                }
+            }
+            return;
+        }
+        let mut places = [(0, 0.0); MOST_LANES];
+        for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
+            *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
+        }
+        for (j, p) in pressures.iter_mut().enumerate() {
+            *p = T::from_lanes(|k| drives[k].input.pressure(places[k], j));
+        }
+        if forces {
+            for (i, f) in ws.external.iter_mut().enumerate() {
+                *f = Vec3([0, 1, 2].map(|c| T::from_lanes(|k| drives[k].input.force(places[k], 3 * i + c))));
             }
         }
     }
@@ -70,13 +117,15 @@ impl<T: Real> System<T> for Plant<T> {
         let (dq, dqd) = dx.split_at_mut(n);
         dq.copy_from_slice(qd);
         let external = std::mem::take(&mut self.ws.external);
-        let f_ext = self.input.has_forces().then_some(external.as_slice());
-        forward_dynamics_into(&self.arm, q, qd, &self.pressures, f_ext, &mut self.ws, dqd);
+        let f_ext = self.has_forces().then_some(external.as_slice());
+        let (arm, p, ws) = (&self.arm, self.pressures.as_slice(), &mut self.ws);
+        T::enter(ForwardDynamics { arm, q, qd, p, f_ext, ws, qdd: dqd });
         self.ws.external = external;
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        self.input.next_jump(t, &mut self.jump_cursor)
+        let next = |d: &mut Drive| d.input.next_jump(t + d.offset, &mut d.jump_cursor) - d.offset;
+        self.drives.iter_mut().map(next).fold(f64::INFINITY, f64::min)
     }
 
     fn objection(&self, x: &[T]) -> Option<String> {

@@ -14,7 +14,7 @@ use crate::forces::{ForceSet, Load, Wrench, accumulate, on_joint};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
 use crate::linear::{Mat3, Sym3, Vec3};
-use crate::real::Real;
+use crate::real::{Kernel, Real};
 
 /// A spatial inertia about O: [[rotational, coupling], [coupling^T, translational]].
 #[derive(Clone, Copy, Debug)]
@@ -121,6 +121,32 @@ pub fn forward_dynamics_into<T: Real>(
     solve(arm, ws, qdd);
 }
 
+/// [`forward_dynamics_into`] as a kernel: compiled once for each scalar, for its instruction set.
+pub struct ForwardDynamics<'a, T> {
+    /// The arm.
+    pub arm: &'a Arm<T>,
+    /// Lengths.
+    pub q: &'a [T],
+    /// Their rates.
+    pub qd: &'a [T],
+    /// Pressures.
+    pub p: &'a [T],
+    /// External forces.
+    pub f_ext: Option<&'a [Vec3<T>]>,
+    /// Work space.
+    pub ws: &'a mut Workspace<T>,
+    /// Where q'' goes.
+    pub qdd: &'a mut [T],
+}
+
+impl<T: Real> Kernel for ForwardDynamics<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        forward_dynamics_into(self.arm, self.q, self.qd, self.p, self.f_ext, self.ws, self.qdd);
+    }
+}
+
 /// The kinematics that forces and velocity products need.
 #[inline(always)]
 fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
@@ -196,9 +222,8 @@ fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load:
 fn hand_down<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, joint: &Joint<T>) -> (Inertia<T>, Wrench<T>) {
     let [xx, xy, xz, yy, yz, zz] = joint.inverse.0;
     let u = &joint.u;
-    let mix = |a: T, b: T, c: T| {
-        (u[0].0.combined([a, b, c], u[1].0, u[2].0), u[0].1.combined([a, b, c], u[1].1, u[2].1))
-    };
+    let mix =
+        |a: T, b: T, c: T| (u[0].0.combined([a, b, c], u[1].0, u[2].0), u[0].1.combined([a, b, c], u[1].1, u[2].1));
     let k = [mix(xx, xy, xz), mix(xy, yy, yz), mix(xz, yz, zz)];
     let mut out = *inertia;
     let upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];

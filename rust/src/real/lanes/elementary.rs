@@ -33,10 +33,7 @@ pub(super) fn exp<R: Register>(x: Lanes<R>) -> Lanes<R> {
     let r = n.neg_mul_add(Lanes::from_f64(1.428_606_820_309_417_2e-6), r);
     let rr = r * r;
     let p = r * polynomial([1.261_771_930_748_105_9e-4, 3.029_944_077_074_419_6e-2, 1.0], rr);
-    let q = polynomial(
-        [3.001_985_051_386_644_6e-6, 2.524_483_403_496_841e-3, 2.272_655_482_081_550_3e-1, 2.0],
-        rr,
-    );
+    let q = polynomial([3.001_985_051_386_644_6e-6, 2.524_483_403_496_841e-3, 2.272_655_482_081_550_3e-1, 2.0], rr);
     let e = p / (q - p) * 2.0 + 1.0;
     // In two steps: 2^n itself may be too small or too large where e^x is not.
     let half = round(n * 0.5);

@@ -84,10 +84,7 @@ impl Register for Neon {
     #[inline(always)]
     fn positive(self, then: Self, otherwise: Self) -> Self {
         unsafe {
-            Self(
-                vbslq_f64(vcgtzq_f64(self.0), then.0, otherwise.0),
-                vbslq_f64(vcgtzq_f64(self.1), then.1, otherwise.1),
-            )
+            Self(vbslq_f64(vcgtzq_f64(self.0), then.0, otherwise.0), vbslq_f64(vcgtzq_f64(self.1), then.1, otherwise.1))
         }
     }
     #[inline(always)]

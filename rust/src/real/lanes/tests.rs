@@ -7,7 +7,8 @@ fn numbers() -> Vec<f64> {
     let spread = (0..4000).map(|k| (f64::from(k) * 0.618_033_988_75).fract() * 40.0 - 20.0);
     let wide = (0..3000).map(|k| f64::from(k) * 0.48 - 720.0);
     let small = (0..600).map(|k| 10.0_f64.powf(-f64::from(k) * 0.5) * if k % 2 == 0 { 1.0 } else { -1.0 });
-    let special = [0.0, -0.0, 0.625, -0.625, 709.7, -708.3, 1e-310, 1e300, -1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
+    let special =
+        [0.0, -0.0, 0.625, -0.625, 709.7, -708.3, 1e-310, 1e300, -1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
     spread.chain(wide).chain(small).chain(special).collect()
 }
 
