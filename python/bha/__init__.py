@@ -9,10 +9,13 @@ from bha.errors import (
     ConvergenceError,
     InputError,
     LogError,
+    LogWarning,
     MissingExtraError,
     ParameterError,
+    ParameterWarning,
     SimulationError,
 )
+from bha.log import Log
 from bha.simulation import Input, Options, Simulation, simulate
 from bha.trajectory import Trajectory, TrajectoryWriter
 
@@ -23,10 +26,13 @@ __all__ = [
     "ConvergenceError",
     "Input",
     "InputError",
+    "Log",
     "LogError",
+    "LogWarning",
     "MissingExtraError",
     "Options",
     "ParameterError",
+    "ParameterWarning",
     "Simulation",
     "SimulationError",
     "Trajectory",

@@ -1,7 +1,8 @@
 """Types of the compiled core."""
 
 from collections.abc import Callable, Sequence
-from typing import Self, final
+from os import PathLike
+from typing import Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +10,26 @@ from numpy.typing import ArrayLike, NDArray
 from bha.errors import BhaError, SimulationError
 
 __version__: str
+
+class _ParameterInfo(TypedDict):
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float | None
+    meaning: str
+
+class _KindInfo(TypedDict):
+    kind: str
+    summary: str
+    places: list[str]
+    parameters: list[_ParameterInfo]
+    several: bool
+    needs_poses: bool
+    changes_arm: bool
+
+def effect_kinds() -> list[_KindInfo]: ...
+def formula_fault(text: str, names: list[str]) -> str | None: ...
 
 class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
@@ -106,6 +127,7 @@ class Simulation:
         NDArray[np.float64],
         NDArray[np.float64],
         NDArray[np.float64],
+        NDArray[np.float64] | None,
         SimulationError | None,
     ]: ...
     @property
@@ -164,3 +186,10 @@ class VirtualArm:
         step: float,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
     def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...
+
+def read_table(
+    path: str | PathLike[str],
+    plan: Callable[[list[str]], list[tuple[str, float, str]]],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
+def format_table_rows(columns: Sequence[NDArray[np.float64]]) -> bytes: ...

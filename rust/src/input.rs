@@ -1,6 +1,7 @@
 //! What drives an arm: pressures and external forces sampled at times of their own.
 
 use crate::error::{Error, Result};
+use crate::real::Real;
 
 /// What holds between two samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +35,8 @@ pub struct Input {
     forces: Vec<f64>,
     force_count: usize,
     interpolation: Interpolation,
+    /// Times of the jumps, ascending.
+    jumps: Vec<f64>,
 }
 
 /// Where a reader of an [`Input`] stands; moves forward cheaply.
@@ -77,7 +80,10 @@ impl Input {
             let (a, b) = (times[k], times[k + 1]);
             return Err(Error::Input(format!("input time runs backwards from {a} to {b} s at sample {}", k + 1)));
         }
-        Ok(Self { times, pressures, pressure_count, forces, force_count, interpolation })
+        let mut input =
+            Self { times, pressures, pressure_count, forces, force_count, interpolation, jumps: Vec::new() };
+        input.jumps = input.find_jumps();
+        Ok(input)
     }
 
     /// Whether it has external forces.
@@ -97,10 +103,7 @@ impl Input {
 
     /// Whether a channel jumps at any time.
     pub fn has_jumps(&self) -> bool {
-        (0..self.times.len() - 1).any(|k| {
-            let jump = self.interpolation == Interpolation::Hold || self.times[k + 1] == self.times[k];
-            jump && self.differs(k)
-        })
+        !self.jumps.is_empty()
     }
 
     /// First sample time.
@@ -151,6 +154,37 @@ impl Input {
         if w == 0.0 { a } else { a + w * (self.pressures[(k + 1) * n + channel] - a) }
     }
 
+    /// Pressure `channel` at a time that may differ from lane to lane or carry derivatives: a sum over the pieces it may lie
+    /// in.
+    #[inline(always)]
+    pub fn pressure_at<T: Real>(&self, t: T, channel: usize) -> T {
+        let (low, high) = (t.smallest(), t.largest());
+        let mut k = self.times.partition_point(|x| *x <= low).max(1) - 1;
+        let value = |k: usize| self.pressures[k * self.pressure_count + channel];
+        let mut out = T::from_f64(value(k));
+        while k + 1 < self.times.len() && self.times[k] <= high {
+            let (h, rise) = (self.times[k + 1] - self.times[k], value(k + 1) - value(k));
+            let share = if self.interpolation == Interpolation::Hold || h == 0.0 {
+                T::select(t - self.times[k + 1], T::one(), T::zero())
+            } else {
+                ((t - self.times[k]) * (1.0 / h)).max(T::zero()).min(T::one())
+            };
+            out += share * rise;
+            k += 1;
+        }
+        out
+    }
+
+    /// The first sample after `t`, where an interpolated input bends; infinity after the last.
+    #[inline(always)]
+    pub fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64 {
+        if self.interpolation == Interpolation::Hold || t < self.times[0] {
+            return if t < self.times[0] { self.times[0] } else { f64::INFINITY };
+        }
+        let k = self.locate(t, false, cursor);
+        self.times.get(k + 1).copied().unwrap_or(f64::INFINITY)
+    }
+
     /// Force `channel` at a place that [`Input::weight`] gave.
     #[inline(always)]
     pub fn force(&self, (k, w): (usize, f64), channel: usize) -> f64 {
@@ -160,24 +194,20 @@ impl Input {
     }
 
     /// The first time after `t` at which a channel jumps.
-    pub fn next_jump(&self, t: f64, cursor: &mut Cursor) -> f64 {
-        let mut k = self.locate(t, false, cursor);
-        while k + 1 < self.times.len() {
-            let jumps = match self.interpolation {
-                Interpolation::Hold => true,
-                Interpolation::Linear => self.times[k + 1] == self.times[k],
-            };
-            if jumps && self.times[k + 1] > t && self.differs(k) {
-                return self.times[k + 1];
-            }
-            k += 1;
-        }
-        f64::INFINITY
+    #[inline]
+    pub fn next_jump(&self, t: f64) -> f64 {
+        let next = self.jumps.partition_point(|jump| *jump <= t);
+        self.jumps.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
-    fn differs(&self, k: usize) -> bool {
+    /// The times of all jumps. Found once: an integrator asks for the next one before every step.
+    fn find_jumps(&self) -> Vec<f64> {
         let (n, m) = (self.pressure_count, self.force_count);
-        self.pressures[k * n..(k + 1) * n] != self.pressures[(k + 1) * n..(k + 2) * n]
-            || self.forces[k * m..(k + 1) * m] != self.forces[(k + 1) * m..(k + 2) * m]
+        let differs = |k: usize| {
+            self.pressures[k * n..(k + 1) * n] != self.pressures[(k + 1) * n..(k + 2) * n]
+                || self.forces[k * m..(k + 1) * m] != self.forces[(k + 1) * m..(k + 2) * m]
+        };
+        let may_jump = |k: usize| self.interpolation == Interpolation::Hold || self.times[k + 1] == self.times[k];
+        (0..self.times.len() - 1).filter(|k| may_jump(*k) && differs(*k)).map(|k| self.times[k + 1]).collect()
     }
 }

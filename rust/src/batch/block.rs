@@ -6,9 +6,11 @@
 use super::{Batch, Member, Slot};
 use crate::abreast::{abreast, same_structure};
 use crate::arm::Arm;
+use crate::effects::{Entry, poses};
 use crate::error::Error;
 use crate::integrate::{Integrator, NOT_FINITE, System};
 use crate::kinematics::chain::{Link, Motion, pass};
+use crate::linear::Vec3;
 use crate::plant::Plant;
 use crate::real::lanes::AnyLanes;
 use crate::real::{Kernel, Real};
@@ -28,12 +30,22 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
         });
     let free = |m: &Member<'_>| {
         let timeless = batch.arms[m.arm].effects.list.iter().all(|e| e.definition.program.is_none());
-        timeless && !batch.inputs[m.input].has_jumps()
+        timeless && !batch.inputs[m.input].has_jumps() && !shapes_pressures(&batch.arms[m.arm])
+    };
+    let delayed = |m: &Member<'_>| {
+        let (effects, inputs) = (&batch.arms[m.arm].effects.list, batch.arms[m.arm].inputs);
+        effects.iter().any(|e| (0..inputs).any(|j| e.kind.input_delay(j).is_some()))
     };
     let same_forces = batch.inputs[a.input].force_count() == batch.inputs[b.input].force_count();
     same_times
         && (same_clock || same_forces && free(a) && free(b))
-        && (a.arm == b.arm || same_structure(&batch.arms[a.arm], &batch.arms[b.arm]))
+        && (a.arm == b.arm || !delayed(a) && same_structure(&batch.arms[a.arm], &batch.arms[b.arm]))
+}
+
+/// Whether effects act on the pressures of an arm: they follow one input on its own clock.
+fn shapes_pressures(arm: &Arm) -> bool {
+    let delayed = |e: &Entry<f64>| (0..arm.inputs).any(|j| e.kind.input_delay(j).is_some());
+    arm.effects.list.iter().any(|e| e.kind.shapes_pressures() || delayed(e))
 }
 
 /// Some members, with where their results go.
@@ -142,15 +154,24 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
     fn run(self) {
         let Self { mut integrator, mut system, arm, mut links, times, members, stop } = self;
         let n = arm.coordinates();
+        let mut positions = vec![Vec3::zero(); arm.sections.len()];
         let heads = members.iter().any(|(_, slot)| !slot.head_positions.is_empty());
         let mut result = Ok(());
         for (row, time) in times.iter().enumerate() {
             let mut sink = |_: f64, x: &[T]| {
                 if heads {
                     pass(arm, &x[..n], &[], Motion::Pose, &mut links);
+                    if poses::acts(arm) {
+                        let mut all = positions.iter_mut();
+                        poses::heads(arm, &links, |head| *all.next().expect("one a section") = head.position);
+                    } else {
+                        for (position, link) in positions.iter_mut().zip(&links) {
+                            *position = link.position;
+                        }
+                    }
                 }
                 for (k, (_, slot)) in members.iter_mut().enumerate() {
-                    slot.write(row, n, |j| x[j].lane(k), |j| links[j / 3].position.0[j % 3].lane(k));
+                    slot.write(row, n, |j| x[j].lane(k), |j| positions[j / 3].0[j % 3].lane(k));
                 }
             };
             result = integrator

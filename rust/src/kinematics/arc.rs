@@ -59,6 +59,12 @@ fn polynomial<T: Real>(c: &[f64; TERMS], x: T, xx: T) -> T {
     odd.mul_add(x, even)
 }
 
+/// c_k = 1/k! - x c_{k+2}.
+#[inline(always)]
+fn down<T: Real>(inverse_factorial: f64, x: T, next: T) -> T {
+    x.neg_mul_add(next, T::from_f64(inverse_factorial))
+}
+
 impl<T: Real> ArcFunctions<T> {
     /// The functions at `s = psi^2`: series at s/4, then the angle doubled.
     #[inline(always)]
@@ -66,10 +72,9 @@ impl<T: Real> ArcFunctions<T> {
         let x = s * 0.25;
         let xx = x * x;
         let (h5, h6) = (polynomial(&C5, x, xx), polynomial(&C6, x, xx));
-        let down = |inverse_factorial: f64, next: T| x.neg_mul_add(next, T::from_f64(inverse_factorial));
-        let (h4, h3) = (down(1.0 / 24.0, h6), down(1.0 / 6.0, h5));
-        let (h2, h1) = (down(0.5, h4), down(1.0, h3));
-        let h0 = down(1.0, h2);
+        let (h4, h3) = (down(1.0 / 24.0, x, h6), down(1.0 / 6.0, x, h5));
+        let (h2, h1) = (down(0.5, x, h4), down(1.0, x, h3));
+        let h0 = down(1.0, x, h2);
         // c_k(4x) from c_k(x): sums of products without cancellation.
         let c2 = h1 * h1 * 0.5;
         Self {

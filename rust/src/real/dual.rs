@@ -48,24 +48,31 @@ impl<const N: usize, T: Real> Dual<N, T> {
     /// `f(self)` given `f` and `f'` at the value.
     #[inline(always)]
     fn chain(self, f: T, df: T) -> Self {
-        Self { value: f, derivative: self.derivative.map(|d| d * df) }
-    }
-
-    #[inline(always)]
-    fn zip(self, rhs: Self, value: T, f: impl Fn(T, T) -> T) -> Self {
         let mut derivative = self.derivative;
-        for (d, r) in derivative.iter_mut().zip(&rhs.derivative) {
-            *d = f(*d, *r);
+        for d in &mut derivative {
+            *d *= df;
         }
-        Self { value, derivative }
+        Self { value: f, derivative }
     }
+}
+
+/// A number with `$value` and the derivatives `$each` of the two numbers' `$a` and `$b`. No closure: see `linear`.
+macro_rules! combine {
+    ($x:expr, $y:expr, $value:expr, $a:ident, $b:ident, $each:expr) => {{
+        let mut derivative = $x.derivative;
+        for (d, r) in derivative.iter_mut().zip(&$y.derivative) {
+            let ($a, $b) = (*d, *r);
+            *d = $each;
+        }
+        Self { value: $value, derivative }
+    }};
 }
 
 impl<const N: usize, T: Real> Add for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn add(self, rhs: Self) -> Self {
-        self.zip(rhs, self.value + rhs.value, |a, b| a + b)
+        combine!(self, rhs, self.value + rhs.value, a, b, a + b)
     }
 }
 
@@ -73,7 +80,7 @@ impl<const N: usize, T: Real> Sub for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, rhs: Self) -> Self {
-        self.zip(rhs, self.value - rhs.value, |a, b| a - b)
+        combine!(self, rhs, self.value - rhs.value, a, b, a - b)
     }
 }
 
@@ -82,7 +89,7 @@ impl<const N: usize, T: Real> Mul for Dual<N, T> {
     #[inline(always)]
     #[allow(clippy::suspicious_arithmetic_impl)] // the product rule has a sum
     fn mul(self, rhs: Self) -> Self {
-        self.zip(rhs, self.value * rhs.value, |a, b| a.mul_add(rhs.value, b * self.value))
+        combine!(self, rhs, self.value * rhs.value, a, b, a.mul_add(rhs.value, b * self.value))
     }
 }
 
@@ -93,7 +100,7 @@ impl<const N: usize, T: Real> Div for Dual<N, T> {
     fn div(self, rhs: Self) -> Self {
         let inverse = rhs.value.recip();
         let quotient = self.value * inverse;
-        self.zip(rhs, quotient, |a, b| b.neg_mul_add(quotient, a) * inverse)
+        combine!(self, rhs, quotient, a, b, b.neg_mul_add(quotient, a) * inverse)
     }
 }
 
@@ -101,7 +108,11 @@ impl<const N: usize, T: Real> Neg for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self { value: -self.value, derivative: self.derivative.map(|d| -d) }
+        let mut derivative = self.derivative;
+        for d in &mut derivative {
+            *d = -*d;
+        }
+        Self { value: -self.value, derivative }
     }
 }
 
@@ -125,7 +136,7 @@ impl<const N: usize, T: Real> Mul<f64> for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, rhs: f64) -> Self {
-        Self { value: self.value * rhs, derivative: self.derivative.map(|d| d * rhs) }
+        self.chain(self.value * rhs, T::from_f64(rhs))
     }
 }
 
@@ -218,8 +229,8 @@ impl<const N: usize, T: Real> Real for Dual<N, T> {
     }
     #[inline(always)]
     fn select(condition: Self, then: Self, otherwise: Self) -> Self {
-        let choose = |a, b| T::select(condition.value, a, b);
-        then.zip(otherwise, choose(then.value, otherwise.value), choose)
+        let (c, value) = (condition.value, T::select(condition.value, then.value, otherwise.value));
+        combine!(then, otherwise, value, a, b, T::select(c, a, b))
     }
     #[inline(always)]
     fn is_finite(self) -> bool {

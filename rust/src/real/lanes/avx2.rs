@@ -29,8 +29,11 @@ impl Register for Avx2 {
         Self(unsafe { _mm256_set1_pd(x) })
     }
     #[inline(always)]
-    fn from_fn(x: impl FnMut(usize) -> f64) -> Self {
-        let numbers: [f64; 4] = std::array::from_fn(x);
+    fn from_fn(mut x: impl FnMut(usize) -> f64) -> Self {
+        let mut numbers = [0.0; 4];
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = x(k);
+        }
         // SAFETY: see the file's head; the load reads exactly the array.
         Self(unsafe { _mm256_loadu_pd(numbers.as_ptr()) })
     }

@@ -29,8 +29,11 @@ impl Register for Avx512 {
         Self(unsafe { _mm512_set1_pd(x) })
     }
     #[inline(always)]
-    fn from_fn(x: impl FnMut(usize) -> f64) -> Self {
-        let numbers: [f64; 8] = std::array::from_fn(x);
+    fn from_fn(mut x: impl FnMut(usize) -> f64) -> Self {
+        let mut numbers = [0.0; 8];
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = x(k);
+        }
         // SAFETY: see the file's head; the load reads exactly the array.
         Self(unsafe { _mm512_loadu_pd(numbers.as_ptr()) })
     }

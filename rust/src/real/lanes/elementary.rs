@@ -11,7 +11,11 @@ use crate::real::Real;
 /// sum_k c[k] x^(n - k).
 #[inline(always)]
 fn polynomial<T: Real, const N: usize>(c: [f64; N], x: T) -> T {
-    c[1..].iter().fold(T::from_f64(c[0]), |sum, &k| sum.mul_add(x, T::from_f64(k)))
+    let mut sum = T::from_f64(c[0]);
+    for &k in &c[1..] {
+        sum = sum.mul_add(x, T::from_f64(k));
+    }
+    sum
 }
 
 /// `x` moved to the nearest whole number (ties to even) by adding and taking off 1.5 * 2^52; |x| < 2^51.
@@ -25,8 +29,8 @@ fn round<T: Real>(x: T) -> T {
 #[inline(always)]
 pub(super) fn exp<R: Register>(x: Lanes<R>) -> Lanes<R> {
     // The choices keep a number that is none: no comparison with it holds.
-    let limit = |bound: f64, sign: f64| move |x: Lanes<R>| Lanes::select((x - bound) * sign, Lanes::from_f64(bound), x);
-    let x = limit(-750.0, -1.0)(limit(710.0, 1.0)(x));
+    let x = Lanes::select(x - 710.0, Lanes::from_f64(710.0), x);
+    let x = Lanes::select(-x - 750.0, Lanes::from_f64(-750.0), x);
     let n = round(x * std::f64::consts::LOG2_E);
     // ln 2 in two parts, the first with trailing zeros: n times it is exact.
     let r = n.neg_mul_add(Lanes::from_f64(6.931_457_519_531_25e-1), x);

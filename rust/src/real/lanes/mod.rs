@@ -272,8 +272,14 @@ impl<R: Register> Real for Lanes<R> {
     }
     #[inline(always)]
     fn largest(self) -> f64 {
-        let worse = |m: f64, x: f64| if x.is_nan() || x > m { x } else { m };
-        (0..R::WIDTH).fold(f64::NEG_INFINITY, |m, k| worse(m, self.lane(k)))
+        let mut largest = f64::NEG_INFINITY;
+        for k in 0..R::WIDTH {
+            let x = self.lane(k);
+            if x.is_nan() || x > largest {
+                largest = x;
+            }
+        }
+        largest
     }
 }
 

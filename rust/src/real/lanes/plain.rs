@@ -7,11 +7,15 @@ use crate::real::Kernel;
 #[derive(Clone, Copy, Debug)]
 pub struct Plain([f64; 4]);
 
-impl Plain {
-    #[inline(always)]
-    fn zip(self, o: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        Self([0, 1, 2, 3].map(|k| f(self.0[k], o.0[k])))
-    }
+/// Number by number; a macro and no closure: see `linear`.
+macro_rules! each {
+    ($k:ident, $number:expr) => {{
+        let mut out = [0.0; 4];
+        for ($k, x) in out.iter_mut().enumerate() {
+            *x = $number;
+        }
+        Self(out)
+    }};
 }
 
 impl Register for Plain {
@@ -21,8 +25,8 @@ impl Register for Plain {
         Self([x; 4])
     }
     #[inline(always)]
-    fn from_fn(x: impl FnMut(usize) -> f64) -> Self {
-        Self([0, 1, 2, 3].map(x))
+    fn from_fn(mut x: impl FnMut(usize) -> f64) -> Self {
+        each!(k, x(k))
     }
     #[inline(always)]
     fn get(self, k: usize) -> f64 {
@@ -30,23 +34,23 @@ impl Register for Plain {
     }
     #[inline(always)]
     fn add(self, o: Self) -> Self {
-        self.zip(o, |a, b| a + b)
+        each!(k, self.0[k] + o.0[k])
     }
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
-        self.zip(o, |a, b| a - b)
+        each!(k, self.0[k] - o.0[k])
     }
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        self.zip(o, |a, b| a * b)
+        each!(k, self.0[k] * o.0[k])
     }
     #[inline(always)]
     fn div(self, o: Self) -> Self {
-        self.zip(o, |a, b| a / b)
+        each!(k, self.0[k] / o.0[k])
     }
     #[inline(always)]
     fn neg(self) -> Self {
-        Self(self.0.map(|x| -x))
+        each!(k, -self.0[k])
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
@@ -62,20 +66,20 @@ impl Register for Plain {
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        Self(self.0.map(f64::sqrt))
+        each!(k, self.0[k].sqrt())
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        Self(self.0.map(f64::abs))
+        each!(k, self.0[k].abs())
     }
     #[inline(always)]
     fn positive(self, then: Self, otherwise: Self) -> Self {
-        Self([0, 1, 2, 3].map(|k| if self.0[k] > 0.0 { then.0[k] } else { otherwise.0[k] }))
+        each!(k, if self.0[k] > 0.0 { then.0[k] } else { otherwise.0[k] })
     }
     #[inline(always)]
     fn power_of_two(self) -> Self {
         // The number plus the exponent's bias ends in the last bits of 2^52 + it; shifted, they are an exponent.
-        Self(self.0.map(|x| f64::from_bits((x + (1023.0 + super::TWO_52)).to_bits() << 52)))
+        each!(k, f64::from_bits((self.0[k] + (1023.0 + super::TWO_52)).to_bits() << 52))
     }
     #[inline(always)]
     fn all_finite(self) -> bool {
