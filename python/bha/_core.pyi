@@ -135,6 +135,7 @@ class Simulation:
     @property
     def statistics(self) -> tuple[int, int, int]: ...
 
+def instruction_sets() -> list[str]: ...
 def simulate_batch(
     arms: Sequence[Arm],
     inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],
@@ -154,6 +155,7 @@ def simulate_batch(
     velocities: bool = True,
     head_positions: bool = False,
     threads: int = 0,
+    instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[
     NDArray[np.float64],
