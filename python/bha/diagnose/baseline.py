@@ -1,0 +1,180 @@
+"""The plain model first: integration step, initial states, noise of a right model, re-identified parameters.
+
+What: everything that has to be settled before a gap means anything. A wrong stiffness or an unknown initial state must never be taken
+for physics.
+Source: paper section IV for the plain parameters; issue of errors in variables: the pressure noise is part of the noise model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import firwin
+
+from bha import _core, names
+from bha.diagnose.engine import Engine, Job
+from bha.diagnose.fit import Fit, Problem, evaluate, improve
+from bha.diagnose.model import Model
+from bha.diagnose.noise import TOP_FREQUENCY, NoiseModel, Whitener, noise_model
+from bha.diagnose.records import Record
+from bha.errors import ConvergenceError
+
+Array = NDArray[np.float64]
+
+#: Greatest share of the noise that the integration's error may have.
+STEP_ERROR_SHARE = 0.1
+#: Draws of pressure noise per log for the noise model.
+DRAWS = 3
+#: Time from the start of a log that gives the first guess of its initial state, s.
+START_TIME = 0.06
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Logs made ready for a given arm and step.
+
+    Attributes:
+        records: thinned logs.
+        states: first guess of the initial states.
+        step: step of the integration, s.
+        step_error: RMS difference to half the step, m.
+    """
+
+    records: tuple[Record, ...]
+    states: tuple[Array, ...]
+    step: float
+    step_error: float
+
+
+def thin(record: Record, factor: int) -> Record:
+    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR)."""
+    if factor == 1:
+        return record
+    taps = firwin(12 * factor + 1, 0.72 / factor)
+    half = len(taps) // 2
+    rate = np.arange(half + 1, dtype=np.float64)
+    # The ends are continued by a straight line, so that the filter does not pull them in.
+    columns = []
+    for k in range(record.outputs.shape[1]):
+        y = record.outputs[:, k]
+        head, tail = np.polyfit(rate, y[: half + 1], 1), np.polyfit(rate, y[-half - 1 :], 1)
+        before = np.polyval(head, rate[1:][::-1] * -1.0)
+        after = np.polyval(tail, rate[1:] + half)
+        columns.append(np.convolve(np.concatenate([before, y, after]), taps, mode="valid"))
+    keep = slice(0, None, factor)
+    return replace(
+        record, rows=record.rows[keep], outputs=np.column_stack(columns)[keep], good=record.good[keep]
+    )
+
+
+def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
+    """Initial state from the first measured lengths; at rest under the first pressures where not all were measured.
+
+    Raises:
+        ConvergenceError: no rest, and no lengths to start from.
+    """
+    wanted = [names.length_name(i, k) for i in range(1, sections + 1) for k in (1, 2, 3)]
+    if all(name in record.channels for name in wanted):
+        columns = [record.channels.index(name) for name in wanted]
+        time = record.output_time
+        count = max(6, int(np.searchsorted(time, time[0] + START_TIME)))
+        slope, start = np.polyfit(time[:count] - time[0], record.outputs[:count][:, columns], 1)
+        return np.concatenate([start, slope])
+    first = int(record.rows[0])
+    q = arm.static_lengths(record.pressures[first], None if record.forces is None else record.forces[first])
+    return np.concatenate([q, np.zeros(3 * sections)])
+
+
+def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float], Engine]) -> Prepared:
+    """Choose the coarsest step whose error stays below the noise, thin the logs accordingly, guess initial states.
+
+    The error of a step is the RMS difference to half of it on the first seconds of every log, measured, not assumed.
+
+    Raises:
+        ConvergenceError: the nominal arm diverges at every step tried.
+    """
+    x = np.zeros(model.size)
+    text = model.arm(x)
+    sample = min(r.sample_time for r in records)
+    factors = [f for f in (4, 2, 1) if f * sample <= 0.5 / TOP_FREQUENCY * 0.75 or f == 1]
+    tried = [(f, f * sample) for f in factors] + [(1, sample / k) for k in (2, 4, 8, 16, 32)]
+    arm = _core.Arm(text)
+    noise = np.median([np.median(r.noise) for r in records])
+    last = np.inf
+    for factor, step in tried:
+        thinned = tuple(thin(r, factor) for r in records)
+        states = tuple(first_state(arm, r, model.sections) for r in thinned)
+        jobs = [Job(text, r, s, rows=min(len(r.rows), int(6.0 / r.sample_time))) for r, s in zip(thinned, states, strict=True)]
+        coarse, fine = engine(step).run(jobs), engine(step / 2.0).run(jobs)
+        error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(coarse, fine, strict=True)])))
+        if np.isfinite(error):
+            last = error
+            if error <= STEP_ERROR_SHARE * noise or (factor == 1 and step <= sample / 32):
+                return Prepared(thinned, states, step, error)
+    if np.isfinite(last):
+        return Prepared(thinned, states, step, last)
+    raise ConvergenceError(
+        "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
+        "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"
+    )
+
+
+def disturbed_outputs(
+    engine: Engine, arm: str, records: Sequence[Record], states: Sequence[Array], base: Sequence[Array], seed: int
+) -> list[list[Array]]:
+    """What draws of pressure noise do to the outputs of each log."""
+    rng = np.random.default_rng([seed, 71])
+    jobs = []
+    for record, state in zip(records, states, strict=True):
+        if not np.any(record.pressure_noise > 0.0):
+            continue
+        for _ in range(DRAWS):
+            noise = record.pressure_noise * rng.standard_normal(record.pressures.shape)
+            jobs.append(Job(arm, record, state, record.pressures + noise))
+    outputs = iter(engine.run(jobs))
+    result: list[list[Array]] = []
+    for record, y in zip(records, base, strict=True):
+        draws: list[Array] = []
+        if np.any(record.pressure_noise > 0.0):
+            draws = [np.nan_to_num(next(outputs) - y) for _ in range(DRAWS)]
+        result.append(draws)
+    return result
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The re-identified plain model.
+
+    Attributes:
+        problem: the training logs with their final whitening.
+        noise: the noise model.
+        fit: the fit, with sensitivities.
+        prepared: step and thinned logs.
+    """
+
+    problem: Problem
+    noise: NoiseModel
+    fit: Fit
+    prepared: Prepared
+
+
+def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int) -> Baseline:
+    """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
+
+    Raises:
+        ConvergenceError: the nominal arm diverges under these logs.
+    """
+    records = prepared.records
+    x = np.zeros(model.size)
+    # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
+    rough = noise_model(records, [[] for _ in records])
+    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine)
+    fit = improve(problem, evaluate(problem, model, x, prepared.states), iterations=4, tolerance=0.05)
+    disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
+    noise = noise_model(records, disturbed)
+    problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine)
+    fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=4, tolerance=2e-3)
+    return Baseline(problem, noise, fit, prepared)
