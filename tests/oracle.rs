@@ -1,4 +1,4 @@
-//! The core against `tests/data/oracle.json`: values by automatic differentiation of T, U and the virtual work alone,
+//! The core against `tests/data/oracle_cases.json.gz`: values by automatic differentiation of T, U and the virtual work alone,
 //! computed independently of this package (70 states of five arms, straight and nearly straight ones among them).
 
 use bha_core::arm::Arm;
@@ -14,7 +14,7 @@ use std::collections::HashMap;
 
 #[derive(Deserialize)]
 struct Oracle {
-    arms: HashMap<String, ArmParameters>,
+    core_parameters: HashMap<String, ArmParameters>,
     cases: Vec<Case>,
 }
 
@@ -56,12 +56,12 @@ fn assert_close(found: &[f64], expected: &[f64], what: &str) {
 
 #[test]
 fn all_cases() {
-    let text = include_str!("data/oracle.json");
-    let oracle: Oracle = serde_json::from_str(text).unwrap();
+    let packed = include_bytes!("data/oracle_cases.json.gz").as_slice();
+    let oracle: Oracle = serde_json::from_reader(flate2::read::GzDecoder::new(packed)).unwrap();
     assert_eq!(oracle.cases.len(), 70);
     for (number, case) in oracle.cases.iter().enumerate() {
         for model in [ForceModel::EndForce, ForceModel::WorkConjugate] {
-            let mut parameters = oracle.arms[&case.arm].clone();
+            let mut parameters = oracle.core_parameters[&case.arm].clone();
             parameters.force_model = model;
             check(&format!("case {number} {model:?}"), &parameters, model, case);
         }

@@ -20,10 +20,23 @@ external force             ``fx1 fy1 fz1``  N
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
 from bha.errors import InputError
 
 TIME = "t"
+_UNITS = {
+    "time": "s",
+    "length": "m",
+    "velocity": "m/s",
+    "pressure": "Pa",
+    "commanded_pressure": "Pa",
+    "position": "m",
+    "force": "N",
+}
+_PREFIXES = {"q": "length", "qd": "velocity", "p": "pressure", "pc": "commanded_pressure"}
+_PAIRED = re.compile(r"(qd?|pc?)(?:([1-9])([1-9])|([1-9]\d+)_([1-9]\d*)|([1-9])_([1-9]\d+))")
+_AXIS = re.compile(r"(f?)([xyz])([1-9]\d*)")
 _PRESSURE = re.compile(r"pc?(?:([1-9])[1-9]|([1-9]\d*)_[1-9]\d*)")
 
 
@@ -63,6 +76,40 @@ def force_names(section: int) -> tuple[str, str, str]:
     """Names of the external force on a section in the base frame, ``("fx1", "fy1", "fz1")``."""
     _check(section, "section")
     return (f"fx{section}", f"fy{section}", f"fz{section}")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a name stands for.
+
+    Attributes:
+        kind: ``"time"``, ``"length"``, ``"velocity"``, ``"pressure"``, ``"commanded_pressure"``, ``"position"`` or
+            ``"force"``.
+        section: number of the section, from 1; 0 for the time.
+        number: number of the bellows or input, from 1; that of the axis, from 1 for x, of positions and forces.
+    """
+
+    kind: str
+    section: int = 0
+    number: int = 0
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the quantity."""
+        return _UNITS[self.kind]
+
+
+def quantity(name: str) -> Quantity | None:
+    """What a name stands for; None if it is none of the names of this module, spelt exactly as here."""
+    if name == TIME:
+        return Quantity("time")
+    if found := _PAIRED.fullmatch(name):
+        section, number = (int(digits) for digits in found.groups()[1:] if digits)
+        kind = _PREFIXES[found[1]]
+        return Quantity(kind, section, number) if number <= 3 or kind.endswith("pressure") else None
+    if found := _AXIS.fullmatch(name):
+        return Quantity("force" if found[1] else "position", int(found[3]), "xyz".index(found[2]) + 1)
+    return None
 
 
 def column(name: str, unit: str) -> str:

@@ -1,5 +1,6 @@
 //! The arm: validated, immutable parameters, over any scalar.
 
+use crate::effects::Effects;
 use crate::error::{Error, Result};
 use crate::linear::Vec3;
 use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
@@ -38,6 +39,8 @@ pub struct Section<T> {
     pub mass: T,
     /// Principal moments of inertia along the head frame's axes, kg m^2.
     pub inertia: Vec3<T>,
+    /// Products of inertia J_xy, J_xz, J_yz, kg m^2, where a payload beside the axes makes some.
+    pub products_of_inertia: Option<Vec3<T>>,
     /// Centre of mass in the head frame, m.
     pub center_of_mass: Vec3<T>,
     /// Radius of the coordinate lengths, m.
@@ -73,6 +76,8 @@ pub struct Arm<T = f64> {
     pub inputs: usize,
     /// The sections from the base on.
     pub sections: Vec<Section<T>>,
+    /// The effects that the paper's model leaves out.
+    pub effects: Effects<T>,
 }
 
 fn check(place: &str, key: &'static str, value: f64, ok: bool, allowed: &'static str) -> Result<f64> {
@@ -161,6 +166,7 @@ impl Section<f64> {
         Ok(Self {
             mass: positive(&place, "mass", p.mass)?,
             inertia: Vec3(inertia),
+            products_of_inertia: None,
             center_of_mass: Vec3(center_of_mass),
             bellows_radius,
             inverse_radius: 1.0 / bellows_radius,
@@ -182,6 +188,15 @@ impl Arm<f64> {
     /// # Errors
     /// [`Error::Parameter`] names the section or bellows, the key, what was found and what is allowed.
     pub fn new(parameters: &ArmParameters) -> Result<Self> {
+        Ok(Self::unapplied(parameters)?.applied())
+    }
+
+    /// The same, but effects that change the arm's own parameters have not done so yet: numbers of effects can be set
+    /// (after [`Arm::lift`], as lanes or dual numbers) with [`Effects::set`] before [`Arm::applied`].
+    ///
+    /// # Errors
+    /// As for [`Arm::new`].
+    pub fn unapplied(parameters: &ArmParameters) -> Result<Self> {
         if parameters.section.is_empty() {
             return Err(Error::Parameter {
                 place: parameters.name.clone(),
@@ -199,7 +214,7 @@ impl Arm<f64> {
             sections.push(Section::new(i, p, radius_below, parameters.inputs.len())?);
             radius_below = p.bellows_radius;
         }
-        Ok(Self {
+        let mut arm = Self {
             gravity: Vec3(parameters.gravity),
             ambient_pressure: not_negative("arm", "ambient_pressure", parameters.ambient_pressure)?,
             force_model: parameters.force_model,
@@ -207,7 +222,10 @@ impl Arm<f64> {
             coriolis_forces: parameters.coriolis_forces,
             inputs: parameters.inputs.len(),
             sections,
-        })
+            effects: Effects::none(),
+        };
+        arm.effects = Effects::new(&parameters.effect, &arm, &parameters.inputs)?;
+        Ok(arm)
     }
 
     /// The same arm over another scalar.
@@ -227,6 +245,7 @@ impl Arm<f64> {
                 .map(|s| Section {
                     mass: c(s.mass),
                     inertia: v(s.inertia),
+                    products_of_inertia: s.products_of_inertia.map(v),
                     center_of_mass: v(s.center_of_mass),
                     bellows_radius: c(s.bellows_radius),
                     inverse_radius: c(s.inverse_radius),
@@ -250,7 +269,23 @@ impl Arm<f64> {
                         .collect(),
                 })
                 .collect(),
+            effects: self.effects.map(c),
         }
+    }
+}
+
+impl<T: Real> Arm<T> {
+    /// The arm with its parameters changed by those effects that do so (payload, tilt, a weak bellows, ...); once, a second
+    /// call changes nothing.
+    pub fn applied(mut self) -> Self {
+        if !self.effects.applied {
+            let effects = std::mem::replace(&mut self.effects, Effects::none());
+            for entry in &effects.list {
+                entry.kind.change_arm(&mut self);
+            }
+            self.effects = Effects { applied: true, ..effects };
+        }
+        self
     }
 }
 

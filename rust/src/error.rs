@@ -18,6 +18,18 @@ pub enum Error {
         /// What is allowed.
         allowed: &'static str,
     },
+    /// An effect of an arm is wrong.
+    #[error("{place}: {key}: found {found}; {allowed}")]
+    Effect {
+        /// Which effect.
+        place: String,
+        /// The key of its table.
+        key: &'static str,
+        /// What was found.
+        found: String,
+        /// What is allowed.
+        allowed: String,
+    },
     /// An argument has the wrong size or value.
     #[error("{0}")]
     Input(String),

@@ -10,15 +10,19 @@
 //! | (12)-(14), (19)-(24) the chain | [`kinematics::chain`], [`kinematics::point`] |
 //! | (25)-(32) bellows and external forces | [`forces`] |
 //! | (33)-(35) gravity, bending | [`forces`] |
+//! | effects the paper leaves out | [`effects`] |
 //! | (36)-(39) kinetic energy | [`dynamics::energy`] |
 //! | (48) solved for q'' or tau, (58)-(61) | [`dynamics::recursion`] |
 //! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
 //! | (62) statics | [`dynamics::statics`] |
 //!
-//! Arrows: simulate -> integrate -> dynamics -> forces -> kinematics -> arm -> real; nothing points back.
+//! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
+//!
+//! Arrows: simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points back.
 
 pub mod arm;
 pub mod dynamics;
+pub mod effects;
 pub mod error;
 pub mod forces;
 pub mod input;
@@ -31,3 +35,4 @@ pub mod plant;
 mod python;
 pub mod real;
 pub mod simulate;
+pub mod table;

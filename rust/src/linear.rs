@@ -179,6 +179,19 @@ impl<T: Real> Sym3<T> {
         let e = |i: usize, j: usize| scaled[i].dot(Vec3(rows[j]));
         Self([e(0, 0), e(0, 1), e(0, 2), e(1, 1), e(1, 2), e(2, 2)])
     }
+    /// From the diagonal and xy, xz, yz.
+    #[inline(always)]
+    pub fn from_moments_and_products(d: Vec3<T>, p: Vec3<T>) -> Self {
+        Self([d.0[0], p.0[0], p.0[1], d.0[1], p.0[2], d.0[2]])
+    }
+    /// `R A R^T`.
+    #[inline(always)]
+    pub fn rotated(&self, r: &Mat3<T>) -> Self {
+        let rows = r.0.map(Vec3);
+        let turned = rows.map(|row| self.mul_vec(row));
+        let e = |i: usize, j: usize| rows[i].dot(turned[j]);
+        Self([e(0, 0), e(0, 1), e(0, 2), e(1, 1), e(1, 2), e(2, 2)])
+    }
     /// `m (|c|^2 1 - c c^T)`: the inertia of a point mass `m` at `c` about the origin.
     #[inline(always)]
     pub fn of_point_mass(m: T, c: Vec3<T>) -> Self {

@@ -3,6 +3,7 @@
 //! The keys are those of the schema `bha-arm/1`. The Python package validates a user's file and fills in defaults; this
 //! module reads the result (JSON) and [`crate::arm::Arm::new`] checks it again, so that the crate is safe on its own.
 
+use crate::effects::EffectParameters;
 use serde::{Deserialize, Serialize};
 
 /// How bellows forces act on the arm. See [`crate::forces`].
@@ -37,6 +38,9 @@ pub struct ArmParameters {
     pub inputs: Vec<String>,
     /// The sections from the base on.
     pub section: Vec<SectionParameters>,
+    /// The effects that the paper's model leaves out.
+    #[serde(default)]
+    pub effect: Vec<EffectParameters>,
 }
 
 fn yes() -> bool {

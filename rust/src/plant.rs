@@ -51,13 +51,20 @@ impl<T: Real> Plant<T> {
 
 impl<T: Real> System<T> for Plant<T> {
     #[inline(always)]
-    fn begin_step(&mut self, _t0: f64, t1: f64, _x0: &[T]) {
+    fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
         self.step_end = t1;
+        self.ws.effects.begin_step(&self.arm, t0, x0);
+    }
+
+    #[inline(always)]
+    fn end_step(&mut self, t1: f64, x1: &[T]) {
+        self.ws.effects.end_step(&self.arm, t1, x1);
     }
 
     #[inline(always)]
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
         self.read_input(t);
+        self.ws.effects.time = t;
         let n = x.len() / 2;
         let (q, qd) = x.split_at(n);
         let (dq, dqd) = dx.split_at_mut(n);

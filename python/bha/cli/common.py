@@ -25,7 +25,7 @@ R = TypeVar("R")
 #: Exit code of Ctrl-C, as shells give it.
 INTERRUPTED = 130
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for machines and nothing else.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for machines, nothing else.")
 
 
 class ArmArgument(click.ParamType):

@@ -24,7 +24,8 @@ def info(arm: Arm, as_json: bool) -> None:
         print_json(facts)
         return
     out = console()
-    out.print(f"[bold]{arm.name}[/bold]: {arm.section_count} sections, {len(arm.inputs)} pressure inputs", highlight=False)
+    counts = f"{arm.section_count} sections, {len(arm.inputs)} pressure inputs"
+    out.print(f"[bold]{arm.name}[/bold]: {counts}", highlight=False)
     out.print(
         f"mass {facts['mass']:.3g} kg, force model {facts['force_model']}, "
         f"rotational energy {_word(facts['rotational_energy'])}, Coriolis forces {_word(facts['coriolis_forces'])}",

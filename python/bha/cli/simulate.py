@@ -28,7 +28,7 @@ FIGURE_ROWS = 4000
 @click.option("--out", metavar="TRAJ", type=click.Path(path_type=Path, dir_okay=False),
               help="Trajectory file: .parquet, .csv, .csv.gz or .npz.")  # fmt: skip
 @click.option("--plot", is_flag=True, help="Write figures beside the trajectory (or the log's name).")
-@click.option("--commanded", is_flag=True, help="Drive with the commanded pressures (pc..) instead of the measured ones.")
+@click.option("--commanded", is_flag=True, help="Drive with the commanded pressures (pc..), not the measured ones.")
 @click.option("--dt", type=float, help="Distance of the output rows [s]; the log's own times if left out.")
 @click.option("--method", type=click.Choice(["dopri5", "rk4"]), default="dopri5", show_default=True)
 @click.option("--step", type=float, default=1e-3, show_default=True, help="Step of rk4 [s].")
@@ -64,8 +64,9 @@ def simulate(
         log = Log.read(input_path, progress=lambda fraction: bar.update(task, completed=fraction))
         drive = Input.from_log(arm, log, commanded=commanded)
         times = output_times(drive, dt)
-        options = Options(method=method, step=step, rtol=rtol, atol=atol, max_steps=max_steps, interpolation=interpolation)
-        run = Simulation(arm, drive, options)
+        run = Simulation(
+            arm, drive, Options(method, step, rtol, atol, max_steps=max_steps, interpolation=interpolation)
+        )
         errors = HeadErrors(log) if log.head_positions is not None else None
         stride = -(-len(times) // FIGURE_ROWS)
         kept: list[Trajectory] = []

@@ -81,7 +81,14 @@ impl<T: Real> Joint<T> {
 /// The section's own inertia tensor in the base frame; zero where the arm leaves rotational energy out.
 #[inline(always)]
 pub(crate) fn body_tensor<T: Real>(arm: &Arm<T>, section: &Section<T>, link: &Link<T>) -> Sym3<T> {
-    if arm.rotational_energy { Sym3::rotated_diagonal(&link.rotation, section.inertia) } else { Sym3::zero() }
+    if !arm.rotational_energy {
+        return Sym3::zero();
+    }
+    let diagonal = section.inertia;
+    match section.products_of_inertia {
+        None => Sym3::rotated_diagonal(&link.rotation, diagonal),
+        Some(products) => Sym3::from_moments_and_products(diagonal, products).rotated(&link.rotation),
+    }
 }
 
 /// Inertia forces of a body's motion as a wrench: what must act on it for it to move so.
@@ -109,13 +116,21 @@ pub fn forward_dynamics_into<T: Real>(
     ws: &mut Workspace<T>,
     qdd: &mut [T],
 ) {
-    let motion = if arm.coriolis_forces { Motion::Bias } else { Motion::Pose };
+    motion_pass(arm, q, qd, ws);
+    accumulate(arm, ForceSet::ALL, p, f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
+    solve(arm, ws, qdd);
+}
+
+/// The kinematics that forces and velocity products need.
+#[inline(always)]
+fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
+    // Effects may act on the velocities of heads, whether or not Coriolis forces count.
+    let without = if arm.effects.list.is_empty() { Motion::Pose } else { Motion::Velocity };
+    let motion = if arm.coriolis_forces { Motion::Bias } else { without };
     pass(arm, q, qd, motion, &mut ws.links);
-    if !arm.coriolis_forces {
+    if motion == Motion::Pose {
         joint_rates(arm, qd, &mut ws.links);
     }
-    accumulate(arm, ForceSet::ALL, p, f_ext, &ws.links, &mut ws.loads);
-    solve(arm, ws, qdd);
 }
 
 /// Rates of (u, v, l) alone, for damping where velocities are left out of the rest.
@@ -212,12 +227,8 @@ pub fn inverse_dynamics_into<T: Real>(
     ws: &mut Workspace<T>,
     tau: &mut [T],
 ) {
-    let motion = if arm.coriolis_forces { Motion::Bias } else { Motion::Pose };
-    pass(arm, q, qd, motion, &mut ws.links);
-    if !arm.coriolis_forces {
-        joint_rates(arm, qd, &mut ws.links);
-    }
-    accumulate(arm, ForceSet::PASSIVE, &[], f_ext, &ws.links, &mut ws.loads);
+    motion_pass(arm, q, qd, ws);
+    accumulate(arm, ForceSet::PASSIVE, &[], f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
     let Workspace { links, loads, .. } = ws;
     // Joint accelerations as a motion about O, which grows up the chain: A = sum S q''.
     let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());

@@ -127,7 +127,8 @@ pub fn coriolis_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut W
 
 /// Generalized force on the lengths of the forces in `set`, into `out`.
 ///
-/// tau (53) is `ForceSet { actuation: true, ..NONE }`; N (52) is minus [`ForceSet::PASSIVE`]. `qd` is read for damping only.
+/// tau (53) is `ForceSet { actuation: true, ..NONE }`; N (52) is minus [`ForceSet::PASSIVE`]. `qd` is
+/// read for damping and effects only and may then be empty, which means rest.
 pub fn generalized_force_into<T: Real>(
     arm: &Arm<T>,
     set: ForceSet,
@@ -137,9 +138,10 @@ pub fn generalized_force_into<T: Real>(
     ws: &mut Workspace<T>,
     out: &mut [T],
 ) {
-    let motion = if set.damping { Motion::Velocity } else { Motion::Pose };
+    let moving = !qd.is_empty() && (set.damping || !arm.effects.list.is_empty());
+    let motion = if moving { Motion::Velocity } else { Motion::Pose };
     pass(arm, q, qd, motion, &mut ws.links);
-    accumulate(arm, set, p, f_ext, &ws.links, &mut ws.loads);
+    accumulate(arm, set, p, f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
     project(&ws.links, &ws.loads, |i, force| {
         let f = force_on_lengths(force, arm.sections[i].inverse_radius);
         out[3 * i..3 * i + 3].copy_from_slice(&f.0);
@@ -157,7 +159,7 @@ pub fn actuation_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], ws: &mut Workspace<
         p[j] = arm.ambient_pressure + 1.0;
         // One pascal above ambient loses digits against 1e5 Pa; the difference actually represented is divided out.
         let unit = (p[j] - arm.ambient_pressure).recip();
-        accumulate(arm, set, &p, None, &ws.links, &mut loads);
+        accumulate(arm, set, &p, None, &ws.links, &mut ws.effects, &mut loads);
         project(&ws.links, &loads, |i, force| {
             let f = force_on_lengths(force * unit, arm.sections[i].inverse_radius);
             for k in 0..3 {

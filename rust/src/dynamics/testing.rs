@@ -72,6 +72,7 @@ pub fn arms() -> impl Strategy<Value = Arm> {
             coriolis_forces: true,
             inputs,
             section: sections.iter().enumerate().map(|(i, x)| section(i, x)).collect(),
+            effect: Vec::new(),
         })
         .expect("the strategy makes valid arms")
     })

@@ -2,6 +2,7 @@
 
 use super::recursion::Joint;
 use crate::arm::Arm;
+use crate::effects::EffectState;
 use crate::forces::Load;
 use crate::kinematics::chain::Link;
 use crate::linear::Vec3;
@@ -18,6 +19,8 @@ pub struct Workspace<T = f64> {
     pub(crate) joints: Vec<Joint<T>>,
     /// A force for each section, for callers that assemble `f_ext`.
     pub external: Vec<Vec3<T>>,
+    /// Work space and hidden states of the effects.
+    pub effects: EffectState<T>,
 }
 
 impl<T: Real> Workspace<T> {
@@ -29,6 +32,7 @@ impl<T: Real> Workspace<T> {
             loads: vec![Load::zero(); n],
             joints: vec![Joint::zero(); n],
             external: vec![Vec3::zero(); n],
+            effects: EffectState::new(arm),
         }
     }
 }

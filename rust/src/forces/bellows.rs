@@ -17,6 +17,7 @@ use crate::kinematics::chain::Link;
 use crate::linear::Vec3;
 use crate::parameters::ForceModel;
 use crate::real::Real;
+use std::slice::Iter;
 
 /// Length of a bellows at (u, v, l), or its rate at (u', v', l').
 #[inline(always)]
@@ -45,7 +46,8 @@ pub fn spring_energy<T: Real>(b: &Bellows<T>, length: T) -> T {
     sum * e
 }
 
-/// Adds the forces of section `i`'s bellows to its own load and the one below.
+/// Adds the forces of section `i`'s bellows, beginning with the `extra` one of each, to its own load and the one below.
+#[allow(clippy::too_many_arguments)] // one call
 #[inline(always)]
 pub(super) fn add<T: Real>(
     arm: &Arm<T>,
@@ -54,12 +56,13 @@ pub(super) fn add<T: Real>(
     set: ForceSet,
     p: &[T],
     links: &[Link<T>],
+    extra: &mut Iter<'_, T>,
     loads: &mut [Load<T>],
 ) {
     let link = &links[i];
     let (mut along, mut moment_x, mut moment_y) = (T::zero(), T::zero(), T::zero());
-    for b in &section.bellows {
-        let mut force = T::zero();
+    for (b, extra) in section.bellows.iter().zip(extra) {
+        let mut force = *extra;
         if set.actuation {
             force += b.terminal_area * (p[b.input] - arm.ambient_pressure);
         }

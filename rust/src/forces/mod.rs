@@ -8,6 +8,7 @@ mod bending;
 mod body;
 
 use crate::arm::Arm;
+use crate::effects::{self, EffectState};
 use crate::kinematics::chain::Link;
 use crate::linear::Vec3;
 use crate::real::Real;
@@ -72,23 +73,25 @@ pub struct ForceSet {
     pub gravity: bool,
     /// External forces, paper (28).
     pub external: bool,
+    /// Effects that the paper leaves out; those that depend on pressure belong to `actuation`.
+    pub effects: bool,
 }
 
 impl ForceSet {
     /// Everything.
     pub const ALL: Self =
-        Self { actuation: true, spring: true, damping: true, bending: true, gravity: true, external: true };
+        Self { actuation: true, spring: true, damping: true, bending: true, gravity: true, external: true, effects: true };
     /// Everything but the actuation: N.
     pub const PASSIVE: Self = Self { actuation: false, ..Self::ALL };
     /// Nothing, to switch single forces on.
     pub const NONE: Self =
-        Self { actuation: false, spring: false, damping: false, bending: false, gravity: false, external: false };
+        Self { actuation: false, spring: false, damping: false, bending: false, gravity: false, external: false, effects: false };
 }
 
 /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
 ///
 /// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's centre of
-/// mass in the base frame, N (none: no external force).
+/// mass in the base frame, N (none: no external force); `state`: work space and hidden states of the effects.
 #[inline(always)]
 pub fn accumulate<T: Real>(
     arm: &Arm<T>,
@@ -96,12 +99,17 @@ pub fn accumulate<T: Real>(
     p: &[T],
     f_ext: Option<&[Vec3<T>]>,
     links: &[Link<T>],
+    state: &mut EffectState<T>,
     loads: &mut [Load<T>],
 ) {
     loads.fill(Load::zero());
+    if !arm.effects.list.is_empty() {
+        effects::state::add_forces(arm, (set.actuation, set.effects), p, links, state, loads);
+    }
+    let mut extra = state.bellows_force.iter();
     for (i, section) in arm.sections.iter().enumerate() {
         let link = &links[i];
-        bellows::add(arm, i, section, set, p, links, loads);
+        bellows::add(arm, i, section, set, p, links, &mut extra, loads);
         if set.bending {
             loads[i].on_arc += bending::on_arc(section, link.arc);
         }

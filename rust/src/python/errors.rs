@@ -13,13 +13,14 @@ fn class<'py>(py: Python<'py>, cell: &'static PyOnceLock<Py<PyType>>, name: &str
 static PARAMETER: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 static INPUT: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 static SIMULATION: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+static LOG: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 static CONVERGENCE: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 
 /// `error` as a Python exception.
 pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     let text = error.to_string();
     let (cell, name) = match error {
-        Error::Parameter { .. } => (&PARAMETER, "ParameterError"),
+        Error::Parameter { .. } | Error::Effect { .. } => (&PARAMETER, "ParameterError"),
         Error::Input(_) => (&INPUT, "InputError"),
         Error::Convergence(_) => (&CONVERGENCE, "ConvergenceError"),
         Error::Simulation { .. } => (&SIMULATION, "SimulationError"),
@@ -32,6 +33,11 @@ pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
         },
         Err(import) => import,
     }
+}
+
+/// A `LogError`.
+pub fn log(py: Python<'_>, text: String) -> PyErr {
+    class(py, &LOG, "LogError").map_or_else(|import| import, |class| PyErr::from_type(class.clone(), (text,)))
 }
 
 /// An `InputError`.

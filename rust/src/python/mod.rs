@@ -4,6 +4,7 @@ mod arm;
 mod arrays;
 mod errors;
 mod simulation;
+mod table;
 
 use pyo3::prelude::*;
 
@@ -15,5 +16,5 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
-    Ok(())
+    table::register(m)
 }

@@ -1,0 +1,335 @@
+"""Measured logs: pressures, lengths, head positions and forces over time, read from files and checked.
+
+A log is a table with one row per sample. Sample times may be irregular and may repeat, and a sensor may hold its last
+value; what may not be is a value that is not there. Columns are named with their unit, in any order (``bha.names``)::
+
+    t [s], p11 [kPa(g)], p12 [kPa(g)], q11 [mm], x1 [m], y1 [m], z1 [m], fx1 [N]
+
+Values are converted to SI and gauge pressures to absolute ones. Columns of other names are kept in their own unit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bha import log_formats, names
+from bha.errors import InputError, LogError, LogWarning
+from bha.log_columns import Column, check_values, missing, plan
+from bha.log_formats import Found, Progress
+
+STANDARD_ATMOSPHERE = 101325.0  # Pa
+
+Array = NDArray[np.float64]
+
+
+class Log:
+    """A measured log of m rows. Arrays are float64, read-only and in SI units.
+
+    Create one with :meth:`read` or :meth:`from_arrays`.
+
+    Attributes:
+        time: time of each row, s, shape (m,), never decreasing.
+        columns: names of all columns, in the order of the file.
+        units: unit of each column's values: SI for the names of ``bha.names``, that of the file for others.
+        ignored: columns that hold something else than numbers, or no heading, with the reason.
+        gauge_columns: names of the pressures that the file has as gauge pressure; here they are absolute.
+        ambient_pressure: what gauge pressures were taken relative to, Pa.
+        path: the file, or None.
+        sha256: SHA-256 of the file, hexadecimal, or None.
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, Array],
+        units: Mapping[str, str],
+        *,
+        ambient_pressure: float,
+        gauge_columns: Collection[str] = (),
+        ignored: Mapping[str, str] = MappingProxyType({}),
+        path: Path | None = None,
+        sha256: str | None = None,
+    ) -> None:
+        """Hold columns that have been checked; use :meth:`read` or :meth:`from_arrays`."""
+        self._values = dict(values)
+        for array in self._values.values():
+            array.flags.writeable = False
+        self.units: Mapping[str, str] = MappingProxyType(dict(units))
+        self.ignored: Mapping[str, str] = MappingProxyType(dict(ignored))
+        self.gauge_columns = tuple(gauge_columns)
+        self.ambient_pressure = ambient_pressure
+        self.path = path
+        self.sha256 = sha256
+
+    @classmethod
+    def read(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        ambient_pressure: float = STANDARD_ATMOSPHERE,
+        columns: Collection[str] | None = None,
+        progress: Progress | None = None,
+    ) -> Log:
+        """Read a log from a CSV file (plain or gzip) or a Parquet file; its first bytes decide which it is.
+
+        Memory needed is that of the columns, 8 bytes a value, and little more.
+
+        Args:
+            path: the file.
+            ambient_pressure: what gauge pressures are relative to, Pa: that of the arm.
+            columns: names of the columns to read beside the time; all if None.
+            progress: called with work done and work in all, about 20 times a second and at the end.
+
+        Raises:
+            LogError: the file cannot be read as a log; the text names file, line (row in Parquet) and column.
+            MissingExtraError: Parquet without pyarrow.
+
+        Warns:
+            LogWarning: the last line has no line end, so its last number may have been cut.
+        """
+        path = Path(path)
+        origin = os.fspath(path)
+        _check_ambient(ambient_pressure)
+
+        def decide(headings: Sequence[str]) -> list[Column]:
+            return plan(origin, headings, ambient_pressure=ambient_pressure, only=columns)
+
+        if log_formats.is_parquet(path):
+            planned, found = log_formats.read_parquet(path, decide, progress)
+        else:
+            planned, found, unterminated = log_formats.read_csv(path, decide, progress)
+            if unterminated:
+                text = f"{origin}: the last line has no line end; if the file was cut off, its last number may be wrong"
+                warnings.warn(text, LogWarning, stacklevel=2)
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return cls._of(planned, found, ambient_pressure, path, digest)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        columns: Mapping[str, ArrayLike],
+        *,
+        ambient_pressure: float = STANDARD_ATMOSPHERE,
+        origin: str = "<arrays>",
+    ) -> Log:
+        """A log of arrays in memory, by the same headings and with the same checks as a file; the arrays are copied.
+
+        >>> log = Log.from_arrays({"t [s]": [0.0, 0.1], "p11 [bar(g)]": [0.0, 1.0]})
+        >>> log["p11"].tolist()
+        [101325.0, 201325.0]
+
+        Raises:
+            LogError: as :meth:`read`, with the row and ``origin`` as the file.
+        """
+        _check_ambient(ambient_pressure)
+        planned = plan(origin, [heading.strip() for heading in columns], ambient_pressure=ambient_pressure)
+        found: list[Found] = []
+        for column, given in zip(planned, columns.values(), strict=True):
+            try:
+                values = np.array(given, dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise LogError(f"{origin}, column '{column.heading}': not an array of numbers: {error}") from error
+            if values.ndim != 1 or (found and len(values) != len(np.asarray(found[0]))):
+                expected = f"({len(np.asarray(found[0]))},)" if found else "(m,)"
+                raise LogError(f"{origin}, column '{column.heading}': found shape {values.shape}; expected {expected}")
+            check_values(origin, column, values)
+            found.append(values)
+        if not found or not len(np.asarray(found[0])):
+            raise LogError(f"{origin} has headings but no rows of numbers")
+        return cls._of(planned, found, ambient_pressure, None, None)
+
+    @classmethod
+    def _of(
+        cls, planned: Sequence[Column], found: Sequence[Found], ambient: float, path: Path | None, sha256: str | None
+    ) -> Log:
+        """Convert the columns in place, so that a long log never exists twice."""
+        values: dict[str, Array] = {}
+        ignored: dict[str, str] = {}
+        for number, (column, array) in enumerate(zip(planned, found, strict=True), start=1):
+            if isinstance(array, str):
+                ignored[column.name] = array
+            elif not column.name:
+                ignored[f"column {number}"] = "it has no heading"
+            elif array is not None:
+                if column.factor != 1.0:
+                    np.multiply(array, column.factor, out=array)
+                if column.offset != 0.0:
+                    np.add(array, column.offset, out=array)
+                values[column.name] = array
+        return cls(
+            values,
+            {column.name: column.unit for column in planned if column.name in values},
+            ambient_pressure=ambient,
+            gauge_columns=[column.name for column in planned if column.gauge and column.name in values],
+            ignored=ignored,
+            path=path,
+            sha256=sha256,
+        )
+
+    def __len__(self) -> int:
+        """Number of rows, m."""
+        return len(self.time)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a column of that name."""
+        return name in self._values
+
+    def __getitem__(self, name: str) -> Array:
+        """One column by its name, shape (m,).
+
+        Raises:
+            LogError: there is none; the text names the nearest.
+        """
+        if name in self.ignored:
+            raise LogError(f"{self._origin}: column '{name}' was not read: {self.ignored[name]}")
+        if name not in self._values:
+            raise LogError(missing(self._origin, name, self._values))
+        return self._values[name]
+
+    def __repr__(self) -> str:
+        """Rows, time and columns in one line."""
+        span = f"{self.time[0]:g} to {self.time[-1]:g} s"
+        more = ", ..." if len(self.columns) > 8 else ""
+        return f"<Log {self._origin}: {len(self)} rows, {span}, {', '.join(self.columns[:8])}{more}>"
+
+    @property
+    def _origin(self) -> str:
+        return os.fspath(self.path) if self.path is not None else "<arrays>"
+
+    @property
+    def time(self) -> Array:
+        """Time of each row, s, shape (m,)."""
+        return self._values[names.TIME]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns, in the order of the file."""
+        return tuple(self._values)
+
+    def pressures(self, inputs: Sequence[str], *, commanded: bool = False) -> Array:
+        """Absolute pressures of the given inputs, Pa, shape (m, k), in the order asked; a copy.
+
+        Args:
+            inputs: names of pressure inputs, for example ``arm.inputs``.
+            commanded: the commanded instead of the measured ones, ``pc11`` for the input ``p11``.
+
+        Raises:
+            LogError: one of them is not in the log; the text names the nearest.
+        """
+        wanted = ["pc" + name.removeprefix("p") for name in inputs] if commanded else list(inputs)
+        return _side_by_side([self[name] for name in wanted], len(self))
+
+    @property
+    def lengths(self) -> Array | None:
+        """Bellows lengths, m, shape (m, 3n), n the last section with any; NaN where not measured; None if none is."""
+        return self._gathered("length", np.nan)
+
+    @property
+    def velocities(self) -> Array | None:
+        """Time derivatives of the bellows lengths, m/s, like ``lengths``."""
+        return self._gathered("velocity", np.nan)
+
+    @property
+    def head_positions(self) -> Array | None:
+        """Head positions in the base frame, m, shape (m, n, 3); NaN where not measured; None if none is."""
+        return _by_axis(self._gathered("position", np.nan))
+
+    @property
+    def forces(self) -> Array | None:
+        """External forces in the base frame, N, shape (m, n, 3); zero without a column; None if there is no column."""
+        return _by_axis(self._gathered("force", 0.0))
+
+    def _gathered(self, kind: str, absent: float) -> Array | None:
+        """The three columns per section of one kind of quantity, side by side; a copy."""
+        places = {}
+        for name in self._values:
+            quantity = names.quantity(name)
+            if quantity is not None and quantity.kind == kind:
+                places[3 * (quantity.section - 1) + quantity.number - 1] = self._values[name]
+        if not places:
+            return None
+        width = 3 * (max(places) // 3 + 1)
+        nothing = np.broadcast_to(absent, len(self))
+        return _side_by_side([places.get(place, nothing) for place in range(width)], len(self))
+
+    def between(self, start: float, end: float) -> Log:
+        """The rows with ``start <= time <= end``, s, as views; path and hash stay those of the whole file.
+
+        Raises:
+            InputError: there is no such row.
+        """
+        first = int(np.searchsorted(self.time, start, side="left"))
+        last = int(np.searchsorted(self.time, end, side="right"))
+        if not first < last:
+            span = f"{self.time[0]} to {self.time[-1]} s"
+            raise InputError(f"{self._origin}: no row between {start} and {end} s; the log has {span}")
+        return self._with({name: values[first:last] for name, values in self._values.items()}, self.ambient_pressure)
+
+    def with_ambient_pressure(self, ambient_pressure: float) -> Log:
+        """The same log with its gauge pressures taken relative to another ambient pressure, Pa; nothing else changes.
+
+        Raises:
+            InputError: not a finite pressure.
+            LogError: a pressure would be below that of vacuum.
+        """
+        _check_ambient(ambient_pressure)
+        change = ambient_pressure - self.ambient_pressure
+        if change == 0.0 or not self.gauge_columns:
+            return self._with(self._values, ambient_pressure)
+        moved = {name: self._values[name] + change for name in self.gauge_columns}
+        for name, values in moved.items():
+            if values.min() < 0.0:
+                least = f"{values.min()} Pa at an ambient pressure of {ambient_pressure} Pa"
+                raise LogError(f"{self._origin}, column '{name}': {least} is below vacuum")
+        return self._with({**self._values, **moved}, ambient_pressure)
+
+    def _with(self, values: Mapping[str, Array], ambient_pressure: float) -> Log:
+        return Log(
+            values,
+            self.units,
+            ambient_pressure=ambient_pressure,
+            gauge_columns=self.gauge_columns,
+            ignored=self.ignored,
+            path=self.path,
+            sha256=self.sha256,
+        )
+
+    def write(self, path: str | os.PathLike[str], *, progress: Progress | None = None) -> None:
+        """Write the log to a ``.csv``, ``.csv.gz`` or ``.parquet`` file, whole or not at all; no digit is lost.
+
+        Pressures are written as absolute ones, in Pa. Columns that were ignored are not written.
+
+        Raises:
+            InputError: unknown extension, or a folder that does not exist.
+            MissingExtraError: Parquet without pyarrow.
+        """
+        headings = {
+            names.column(name, self.units[name]) if self.units[name] else name: values
+            for name, values in self._values.items()
+        }
+        log_formats.write(Path(path), headings, progress)
+
+
+def _check_ambient(ambient_pressure: float) -> None:
+    if not (np.isfinite(ambient_pressure) and ambient_pressure >= 0):
+        raise InputError(f"ambient_pressure: found {ambient_pressure}; allowed: a finite number >= 0 (Pa)")
+
+
+def _side_by_side(columns: Sequence[Array], rows: int) -> Array:
+    table = np.empty((rows, len(columns)))
+    for place, column in enumerate(columns):
+        table[:, place] = column
+    table.flags.writeable = False
+    return table
+
+
+def _by_axis(table: Array | None) -> Array | None:
+    return None if table is None else table.reshape(len(table), -1, 3)

@@ -1,0 +1,208 @@
+//! Effects that the paper's model leaves out: one file each in [`kinds`], all behind one trait, [`Effect`]; the registry
+//! is the one macro call in `kinds/mod.rs`, one line a kind.
+//!
+//! An effect has a kind, a place and named numbers ([`EffectParameters`], the `[[effect]]` tables of a parameter file).
+//! Kind and place are structure; the numbers are of the model's scalar, so that lanes and dual numbers can vary them.
+//! A kind acts through the hooks of [`Effect`], each of which does nothing unless a kind defines it:
+//!
+//! | hook | acts on | when |
+//! |---|---|---|
+//! | [`Effect::change_arm`] | the arm's parameters | once; free at run time |
+//! | [`Effect::add_forces`] | bellows forces, bending torques, wrenches on heads | in the one sum, `forces::accumulate` |
+//! | [`Effect::pressures`] | pressures between the logged (or commanded) and the acting ones | as time goes on ([`pressures`]) |
+//! | [`Effect::measure`] | lengths between the true and the measured ones | at output ([`sensors`]) |
+//! | [`Effect::bend`], [`Effect::twist`] | poses of the heads | at output ([`poses`]) |
+//!
+//! Hidden states (creep, hysteresis, lag) are not integrated with the arm: [`state::EffectState`] keeps their values at a step's
+//! start, a hook computes the value at a stage by an exact update from there, and a step's end commits it. However stiff
+//! they are, the arm's step does not see it.
+
+mod exponential;
+pub mod expression;
+pub mod kinds;
+mod list;
+mod place;
+mod registry;
+mod slip;
+pub mod state;
+
+pub use kinds::{KINDS, Kind, KindInfo};
+pub use list::{Effects, Entry};
+pub use place::{Place, Target};
+pub use state::{EffectState, Instant};
+
+use self::kinds::formula;
+use crate::arm::Arm;
+use crate::real::Real;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+/// An `[[effect]]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EffectParameters {
+    /// Kind, a name of the registry.
+    pub kind: String,
+    /// Place: `all`, `section 2`, `bellows 32`, `input p13`, `sensors`.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Numbers by name, SI.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, f64>,
+    /// The force of a `formula`.
+    #[serde(default)]
+    pub force: Option<String>,
+}
+
+/// What the registry knows of a parameter of a kind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit, empty for a plain number.
+    pub unit: &'static str,
+    /// The values allowed.
+    pub range: RangeInclusive<f64>,
+    /// The value where it is left out; none: it must be given.
+    pub default: Option<f64>,
+    /// What it is.
+    pub meaning: &'static str,
+}
+
+impl Parameter {
+    /// A parameter that must be given.
+    pub const fn new(
+        name: &'static str,
+        unit: &'static str,
+        range: RangeInclusive<f64>,
+        meaning: &'static str,
+    ) -> Self {
+        Self { name, unit, range, default: None, meaning }
+    }
+
+    /// The same with a default.
+    pub const fn or(self, default: f64) -> Self {
+        Self { default: Some(default), ..self }
+    }
+}
+
+/// Where a kind may act.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlaceKind {
+    /// The whole arm.
+    All,
+    /// One section.
+    Section,
+    /// One bellows; for sensors one length.
+    Bellows,
+    /// One pressure input.
+    Input,
+    /// All length sensors, where `all` means the inputs.
+    Sensors,
+}
+
+/// How an effect is defined but for its numbers.
+#[derive(Clone, Debug)]
+pub struct Definition {
+    /// Where it acts, as the file says.
+    pub place: Place,
+    /// The parts of the arm that this means.
+    pub target: Target,
+    /// The program of a formula.
+    pub program: Option<Arc<formula::Program>>,
+}
+
+/// A kind of effect.
+pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
+    /// One line that says what it is.
+    const SUMMARY: &'static str;
+    /// Where it may act.
+    const PLACES: &'static [PlaceKind];
+    /// Its numbers, in the order in which [`Effect::new`] takes them.
+    const PARAMETERS: &'static [Parameter];
+    /// Whether several of this kind in the same place make sense.
+    const SEVERAL: bool = false;
+    /// Whether it is observable only where poses of heads are measured.
+    const NEEDS_POSES: bool = false;
+
+    /// Whether it acts by [`Effect::change_arm`].
+    const CHANGES_ARM: bool = false;
+
+    /// The effect; `values` as in [`Effect::PARAMETERS`].
+    fn new(definition: &Definition, values: &[T]) -> Self;
+
+    /// What is wrong with these values that their ranges do not say, if anything.
+    fn objection(_values: &[f64], _definition: &Definition, _arm: &Arm<f64>) -> Option<String> {
+        None
+    }
+
+    /// Changes the arm's parameters, once.
+    fn change_arm(&self, _arm: &mut Arm<T>) {}
+
+    /// Whether its force belongs to tau, since it depends on pressure, and not to N.
+    #[inline(always)]
+    fn is_actuation(&self) -> bool {
+        false
+    }
+
+    /// Number of hidden states.
+    fn hidden(&self) -> usize {
+        0
+    }
+
+    /// Adds its forces at an instant; `hidden` are its states at the step's start.
+    #[inline(always)]
+    fn add_forces(&self, _now: &mut Instant<'_, T>, _hidden: &[T]) {}
+
+    /// Takes its hidden states from the step's start to an instant.
+    #[inline(always)]
+    fn advance(&self, _now: &Instant<'_, T>, _hidden: &mut [T]) {}
+
+    /// Whether it acts on pressures.
+    fn shapes_pressures(&self) -> bool {
+        false
+    }
+
+    /// Takes its pressures `out`, one an input, over `elapsed` seconds in which what comes in goes from `from` to `to`
+    /// in a straight line. `out` holds its last values, for inputs it does not act on already those of `to`.
+    #[inline(always)]
+    fn pressures(&self, _elapsed: f64, _from: &[T], _to: &[T], _out: &mut [T]) {}
+
+    /// What comes out when everything rests at the pressures in `p`, in place.
+    #[inline(always)]
+    fn pressures_at_rest(&self, _p: &mut [T]) {}
+
+    /// By how much it delays an input, s.
+    fn input_delay(&self, _input: usize) -> Option<T> {
+        None
+    }
+
+    /// By how much it delays the sensor of a length, s.
+    fn sensor_delay(&self, _coordinate: usize) -> Option<T> {
+        None
+    }
+
+    /// Whether it acts on measured lengths.
+    fn shapes_lengths(&self) -> bool {
+        false
+    }
+
+    /// What the sensor of a coordinate makes of a length.
+    #[inline(always)]
+    fn measure(&self, _coordinate: usize, length: T) -> T {
+        length
+    }
+
+    /// How differently the two halves of a section bend: (1 + c) and (1 - c) of its curvature.
+    fn bend(&self, _section: usize) -> Option<T> {
+        None
+    }
+
+    /// By how much a section twists about its head's z axis under the torque about it, rad.
+    fn twist(&self, _section: usize, _torque: T) -> Option<T> {
+        None
+    }
+}

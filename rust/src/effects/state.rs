@@ -1,0 +1,155 @@
+//! What effects see of the arm at one instant, and their hidden states.
+
+use super::Effects;
+use crate::arm::Arm;
+use crate::forces::{Load, length};
+use crate::kinematics::chain::Link;
+use crate::kinematics::coordinates::arc_from_lengths;
+use crate::linear::Vec3;
+use crate::real::Real;
+
+/// One bellows at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct BellowsState<T> {
+    /// Length, m.
+    pub length: T,
+    /// Its rate, m/s.
+    pub rate: T,
+    /// Pressure above ambient, Pa.
+    pub pressure: T,
+    /// Length at the step's start, m.
+    pub start_length: T,
+    /// Its rate there, m/s.
+    pub start_rate: T,
+}
+
+/// What a force sees.
+pub struct Instant<'a, T> {
+    /// The arm.
+    pub arm: &'a Arm<T>,
+    /// Kinematics of each section.
+    pub links: &'a [Link<T>],
+    /// All bellows, section by section.
+    pub bellows: &'a [BellowsState<T>],
+    /// Extra force of each bellows, N; like pressure, positive pushes its ends apart.
+    pub bellows_force: &'a mut [T],
+    /// Loads of each section.
+    pub loads: &'a mut [Load<T>],
+    /// Time, s.
+    pub time: f64,
+    /// Time since the step began, s; none outside a simulation, where hidden states are at rest.
+    pub elapsed: Option<f64>,
+}
+
+/// Work space of the effects of one arm, and their hidden states.
+#[derive(Clone, Debug)]
+pub struct EffectState<T> {
+    /// Time of the instant, s (formulas read it).
+    pub time: f64,
+    start: Option<f64>,
+    pub(crate) bellows: Vec<BellowsState<T>>,
+    pub(crate) bellows_force: Vec<T>,
+    hidden: Vec<T>,
+}
+
+impl<T: Real> EffectState<T> {
+    /// Work space for `arm`, hidden states at rest.
+    pub fn new(arm: &Arm<T>) -> Self {
+        let count = arm.sections.iter().map(|s| s.bellows.len()).sum();
+        let o = T::zero();
+        let still = BellowsState { length: o, rate: o, pressure: o, start_length: o, start_rate: o };
+        Self {
+            time: 0.0,
+            start: None,
+            bellows: vec![still; count],
+            bellows_force: vec![o; count],
+            hidden: vec![o; arm.effects.hidden_count()],
+        }
+    }
+
+    /// Hidden states at the step's start (or the last commit), one effect after the other.
+    pub fn hidden(&self) -> &[T] {
+        &self.hidden
+    }
+
+    /// The same, to set them.
+    pub fn hidden_mut(&mut self) -> &mut [T] {
+        &mut self.hidden
+    }
+
+    /// A step begins at `t0` with lengths and rates `x0`.
+    #[inline(always)]
+    pub fn begin_step(&mut self, arm: &Arm<T>, t0: f64, x0: &[T]) {
+        self.start = Some(t0);
+        if self.hidden.is_empty() {
+            return;
+        }
+        self.read(arm, x0);
+        for b in &mut self.bellows {
+            (b.start_length, b.start_rate) = (b.length, b.rate);
+        }
+    }
+
+    /// The step was accepted: takes the hidden states to (`t1`, `x1`).
+    #[inline(always)]
+    pub fn end_step(&mut self, arm: &Arm<T>, t1: f64, x1: &[T]) {
+        self.time = t1;
+        if self.hidden.is_empty() {
+            return;
+        }
+        self.read(arm, x1);
+        let elapsed = self.start.map(|t0| t1 - t0);
+        let Self { bellows, bellows_force, hidden, .. } = self;
+        let now =
+            Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time: t1, elapsed };
+        for entry in &arm.effects.list {
+            entry.kind.advance(&now, &mut hidden[entry.hidden.clone()]);
+        }
+    }
+
+    /// Lengths and rates of all bellows from the state.
+    #[inline(always)]
+    fn read(&mut self, arm: &Arm<T>, x: &[T]) {
+        let n = x.len() / 2;
+        let mut all = self.bellows.iter_mut();
+        for (i, section) in arm.sections.iter().enumerate() {
+            let three = |k: usize| arc_from_lengths(Vec3([x[k], x[k + 1], x[k + 2]]), section.inverse_radius);
+            let (arc, rate) = (three(3 * i), three(n + 3 * i));
+            for (b, state) in section.bellows.iter().zip(&mut all) {
+                state.length = length(b, arc);
+                state.rate = length(b, rate);
+            }
+        }
+    }
+}
+
+/// Adds the forces of all effects of the wanted sort (`actuation`: those that belong to tau) to `loads` and to the bellows'
+/// extra forces.
+#[inline(always)]
+pub(crate) fn add_forces<T: Real>(
+    arm: &Arm<T>,
+    (actuation, passive): (bool, bool),
+    p: &[T],
+    links: &[Link<T>],
+    state: &mut EffectState<T>,
+    loads: &mut [Load<T>],
+) {
+    let EffectState { time, start, bellows, bellows_force, hidden } = state;
+    bellows_force.fill(T::zero());
+    let mut all = bellows.iter_mut();
+    for (section, link) in arm.sections.iter().zip(links) {
+        for (b, state) in section.bellows.iter().zip(&mut all) {
+            state.length = length(b, link.arc);
+            state.rate = length(b, link.rate);
+            state.pressure = if actuation { p[b.input] - arm.ambient_pressure } else { T::zero() };
+        }
+    }
+    let mut now =
+        Instant { arm, links, bellows, bellows_force, loads, time: *time, elapsed: start.map(|t0| *time - t0) };
+    let Effects { list, .. } = &arm.effects;
+    for entry in list {
+        if if entry.kind.is_actuation() { actuation } else { passive } {
+            entry.kind.add_forces(&mut now, &hidden[entry.hidden.clone()]);
+        }
+    }
+}

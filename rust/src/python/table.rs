@@ -1,0 +1,105 @@
+//! Reading and writing tables of numbers, for measured logs and trajectories.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use numpy::{IntoPyArray, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyList};
+
+use super::errors::log;
+use crate::table::{Column, ColumnUse, Fault, ReadColumn, TableError, TableReader, format_rows};
+
+pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_function(wrap_pyfunction!(read_table, m)?)?;
+    m.add_function(wrap_pyfunction!(format_table_rows, m)?)
+}
+
+/// Read a table of numbers from a CSV file, plain or gzip.
+///
+/// `plan` gets the headings and returns for each its use ("skip", "number", "time" or "free"), the least value it may
+/// have, and what to say of a smaller one. `progress` gets bytes read and size of the file. Returns for each heading an array, None where it
+/// was skipped, or (line, text) where a free column holds something else than numbers; and whether the last line has no
+/// end. Raises LogError; what `plan` and `progress` raise comes back as it is.
+#[pyfunction]
+#[pyo3(signature = (path, plan, progress=None))]
+fn read_table<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    plan: &Bound<'py, PyAny>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Bound<'py, PyList>, bool)> {
+    let name = path.display().to_string();
+    let wrong = |py: Python<'_>, error: &TableError| log_error(py, &name, error);
+    let reader = TableReader::open(&path).map_err(|error| wrong(py, &error))?;
+    let columns = plan
+        .call1((reader.headings().to_vec(),))?
+        .extract::<Vec<(String, f64, String)>>()?
+        .into_iter()
+        .map(|(used, least, hint)| Ok(Column { used: column_use(&used)?, least, hint }))
+        .collect::<PyResult<Vec<_>>>()?;
+    if columns.len() != reader.headings().len() {
+        return Err(PyValueError::new_err("the plan must have one entry for each heading"));
+    }
+    let mut raised = None;
+    let mut watch = |done: u64, size: u64| {
+        let told = Python::attach(|py| {
+            py.check_signals()?;
+            progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done, size)).map(drop))
+        });
+        match told {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                raised = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    };
+    let table = py.detach(|| reader.read(&columns, &mut watch));
+    if let Some(error) = raised {
+        return Err(error);
+    }
+    let table = table.map_err(|error| wrong(py, &error))?;
+    let found = PyList::empty(py);
+    for column in table.columns {
+        match column {
+            ReadColumn::Skipped => found.append(py.None())?,
+            ReadColumn::Numbers(numbers) => found.append(numbers.into_pyarray(py))?,
+            ReadColumn::Text { line, found: text } => found.append((line, text))?,
+        }
+    }
+    Ok((found, table.unterminated))
+}
+
+/// Lines of text for a block of rows: fields separated by commas, each number in the fewest digits that read back to
+/// the same number, nothing for NaN. `columns` are contiguous float64 arrays of one length.
+#[pyfunction]
+fn format_table_rows<'py>(py: Python<'py>, columns: Vec<PyReadonlyArray1<'py, f64>>) -> PyResult<Bound<'py, PyBytes>> {
+    let columns = columns.iter().map(|column| column.as_slice()).collect::<Result<Vec<_>, _>>()?;
+    if columns.windows(2).any(|pair| pair[0].len() != pair[1].len()) {
+        return Err(PyValueError::new_err("the columns differ in length"));
+    }
+    let mut text = Vec::new();
+    py.detach(|| format_rows(&columns, &mut text));
+    Ok(PyBytes::new(py, &text))
+}
+
+fn column_use(name: &str) -> PyResult<ColumnUse> {
+    match name {
+        "skip" => Ok(ColumnUse::Skip),
+        "number" => Ok(ColumnUse::Number),
+        "time" => Ok(ColumnUse::Time),
+        "free" => Ok(ColumnUse::Free),
+        other => Err(PyValueError::new_err(format!("unknown use of a column: {other:?}"))),
+    }
+}
+
+fn log_error(py: Python<'_>, path: &str, error: &TableError) -> PyErr {
+    let separator = match error.fault {
+        _ if error.line.is_some() => ", ",
+        Fault::NotAFile | Fault::Binary(_) | Fault::NoRows => " ",
+        _ => ": ",
+    };
+    log(py, format!("{path}{separator}{error}"))
+}

@@ -1,0 +1,284 @@
+//! Lines of text to columns of numbers.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use csv::ByteRecord;
+
+use super::error::{Fault, TableError};
+use super::source::{self, Counts, Unpacking};
+
+/// Time between two calls of the watcher: often enough to stop within a tenth of a second.
+const WATCH_INTERVAL: Duration = Duration::from_millis(50);
+/// Bytes taken from the file at a time; well below what is parsed in one interval.
+const BUFFER: usize = 256 << 10;
+/// Characters of a faulty cell that are shown.
+const SHOWN: usize = 40;
+
+/// What a column is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColumnUse {
+    /// Not read at all.
+    Skip,
+    /// Every cell must be a finite number.
+    Number,
+    /// Like `Number`, and no value may be less than the one before.
+    Time,
+    /// Read as far as it goes: empty cells are NaN, and a cell that is not a number ends the reading of this column.
+    Free,
+}
+
+/// What a column is for and what it may hold.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// What it is for.
+    pub used: ColumnUse,
+    /// Least possible value of a `Number`; negative infinity for no limit.
+    pub least: f64,
+    /// What to say of a smaller value: why it cannot be, what to do.
+    pub hint: String,
+}
+
+/// What came of a column.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ReadColumn {
+    /// It was not asked for.
+    Skipped,
+    /// One number per row.
+    Numbers(Vec<f64>),
+    /// A free column that holds something else than numbers: where, and what.
+    Text {
+        /// Line of the file.
+        line: u64,
+        /// The first cell that is not a number, clipped.
+        found: String,
+    },
+}
+
+/// A table read from a file.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// Number of rows.
+    pub rows: usize,
+    /// The columns in the order of the file.
+    pub columns: Vec<ReadColumn>,
+    /// Whether the last line has no line end, so that its last number may have been cut.
+    pub unterminated: bool,
+}
+
+/// A file of which the headings have been read.
+pub struct TableReader {
+    lines: csv::Reader<Box<dyn std::io::Read + Send>>,
+    counts: Arc<Counts>,
+    unpacking: Unpacking,
+    size: u64,
+    crlf: bool,
+    headings: Vec<String>,
+}
+
+impl TableReader {
+    /// Open a file and read its headings.
+    ///
+    /// # Errors
+    /// The file is missing, empty, not text, or its headings are not separated by commas.
+    pub fn open(path: &Path) -> Result<Self, TableError> {
+        let source = source::open(path)?;
+        let mut lines = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .buffer_capacity(BUFFER)
+            .from_reader(source.text);
+        let mut record = ByteRecord::new();
+        let unpacking = source.unpacking;
+        lines.read_byte_record(&mut record).map_err(|error| read_fault(error, unpacking, 1))?;
+        let headings = record
+            .iter()
+            .map(|field| String::from_utf8(field.to_vec()).map(|heading| heading.trim().to_owned()))
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|_| Fault::HeadingsNotText.at(1))?;
+        if let [only] = headings.as_slice()
+            && let Some(separator) = only.chars().find(|c| matches!(c, ';' | '\t'))
+        {
+            return Err(Fault::Separator(separator).at(1));
+        }
+        Ok(Self { lines, counts: source.counts, unpacking, size: source.size, crlf: source.crlf, headings })
+    }
+
+    /// The headings in the order of the file, without surrounding blanks.
+    #[must_use]
+    pub fn headings(&self) -> &[String] {
+        &self.headings
+    }
+
+    /// Read all rows. `columns` says for each heading what to do with its column; `watch` gets the bytes read so far and
+    /// the size of the file, at the start, about every 50 ms and at the end, and can stop the reading.
+    ///
+    /// # Errors
+    /// The first fault in the file, with line and column; [`Fault::Stopped`] if the watcher said so.
+    ///
+    /// # Panics
+    /// If `columns` has not one entry per heading.
+    pub fn read(
+        mut self,
+        columns: &[Column],
+        watch: &mut (dyn FnMut(u64, u64) -> ControlFlow<()> + Send),
+    ) -> Result<Table, TableError> {
+        assert_eq!(columns.len(), self.headings.len(), "one column for each heading");
+        let mut found: Vec<ReadColumn> = columns
+            .iter()
+            .map(|column| match column.used {
+                ColumnUse::Skip => ReadColumn::Skipped,
+                _ => ReadColumn::Numbers(Vec::new()),
+            })
+            .collect();
+        let mut record = ByteRecord::new();
+        let mut rows = 0;
+        let mut clock = Instant::now();
+        let mut seen = 0;
+        stopped(watch(self.counts.on_disk.get(), self.size))?;
+        loop {
+            self.counts.line_start.set(self.lines.position().byte());
+            let line = self.lines.position().line();
+            if !self.lines.read_byte_record(&mut record).map_err(|error| read_fault(error, self.unpacking, line))? {
+                break;
+            }
+            let line = self.line_of_last_record();
+            self.append(&record, line, columns, &mut found)?;
+            rows += 1;
+            // Time is asked for once per buffer, not once per row.
+            if self.counts.text.get() != seen {
+                seen = self.counts.text.get();
+                if clock.elapsed() >= WATCH_INTERVAL {
+                    stopped(watch(self.counts.on_disk.get(), self.size))?;
+                    clock = Instant::now();
+                }
+            }
+        }
+        if rows == 0 {
+            return Err(Fault::NoRows.into());
+        }
+        for column in &mut found {
+            if let ReadColumn::Numbers(numbers) = column {
+                numbers.shrink_to_fit();
+            }
+        }
+        stopped(watch(self.size, self.size))?;
+        Ok(Table { rows, columns: found, unterminated: self.counts.last.get() != u64::from(b'\n') })
+    }
+
+    /// Line of the record just read, for records of one line, as all rows of numbers are.
+    ///
+    /// The reader's own position of a record is where it began to look for it, before any blank lines.
+    fn line_of_last_record(&self) -> u64 {
+        let after = self.lines.position();
+        // Of "\r\n" the reader has taken "\r" alone when the record is done; a last line may have no end at all.
+        let unterminated = self.counts.last.get() != u64::from(b'\n') && after.byte() >= self.counts.text.get();
+        after.line() - u64::from(!self.crlf && !unterminated)
+    }
+
+    fn append(
+        &mut self,
+        record: &ByteRecord,
+        line: u64,
+        columns: &[Column],
+        found: &mut [ReadColumn],
+    ) -> Result<(), TableError> {
+        if record.len() != columns.len() {
+            let fault = Fault::FieldCount { expected: columns.len(), found: record.len() };
+            return Err(self.locate(fault, line, None));
+        }
+        for (index, (field, (column, found))) in record.iter().zip(columns.iter().zip(found)).enumerate() {
+            let ReadColumn::Numbers(numbers) = found else {
+                continue;
+            };
+            if column.used == ColumnUse::Free {
+                match parse_free(field) {
+                    Some(number) => numbers.push(number),
+                    None => *found = ReadColumn::Text { line, found: shown(field) },
+                }
+                continue;
+            }
+            let number = parse(field)
+                .and_then(|number| check(number, column, numbers.last()))
+                .map_err(|fault| self.locate(fault, line, Some(index)))?;
+            numbers.push(number);
+        }
+        Ok(())
+    }
+
+    /// A fault with its place; whether the line is cut is found out by looking for a next one.
+    fn locate(&mut self, fault: Fault, line: u64, column: Option<usize>) -> TableError {
+        let mut next = ByteRecord::new();
+        let is_last = matches!(self.lines.read_byte_record(&mut next), Ok(false));
+        TableError {
+            line: Some(line),
+            column: column.map(|index| self.headings[index].clone()),
+            cut: is_last && self.counts.last.get() != u64::from(b'\n'),
+            fault,
+        }
+    }
+}
+
+fn read_fault(error: csv::Error, unpacking: Unpacking, line: u64) -> TableError {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => Fault::from_io(error, unpacking).at(line),
+        // The reader takes rows of any length as bytes, so that reading is all that can fail.
+        other => Fault::Io(std::io::Error::other(format!("{other:?}"))).at(line),
+    }
+}
+
+fn stopped(flow: ControlFlow<()>) -> Result<(), TableError> {
+    if flow.is_break() { Err(Fault::Stopped.into()) } else { Ok(()) }
+}
+
+fn parse(field: &[u8]) -> Result<f64, Fault> {
+    let field = without_blanks(field);
+    if field.is_empty() {
+        return Err(Fault::EmptyCell);
+    }
+    let number: f64 = std::str::from_utf8(field)
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .ok_or_else(|| Fault::NotANumber(shown(field)))?;
+    if number.is_finite() { Ok(number) } else { Err(Fault::NotFinite(shown(field))) }
+}
+
+fn check(number: f64, column: &Column, previous: Option<&f64>) -> Result<f64, Fault> {
+    if number < column.least {
+        return Err(Fault::TooSmall { found: number, least: column.least, hint: column.hint.clone() });
+    }
+    match previous {
+        Some(&previous) if column.used == ColumnUse::Time && number < previous => {
+            Err(Fault::Backwards { previous, found: number })
+        }
+        _ => Ok(number),
+    }
+}
+
+fn parse_free(field: &[u8]) -> Option<f64> {
+    match parse(field) {
+        Ok(number) => Some(number),
+        Err(Fault::EmptyCell) => Some(f64::NAN),
+        Err(Fault::NotFinite(text)) => text.parse().ok(),
+        Err(_) => None,
+    }
+}
+
+/// Without surrounding blanks. Line ends stay: within a cell they come from a quote that is not closed.
+fn without_blanks(mut field: &[u8]) -> &[u8] {
+    while let [b' ' | b'\t', rest @ ..] | [rest @ .., b' ' | b'\t'] = field {
+        field = rest;
+    }
+    field
+}
+
+fn shown(field: &[u8]) -> String {
+    let text = String::from_utf8_lossy(without_blanks(field));
+    if text.chars().count() <= SHOWN {
+        text.into_owned()
+    } else {
+        text.chars().take(SHOWN).chain("...".chars()).collect()
+    }
+}

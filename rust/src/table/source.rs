@@ -1,0 +1,151 @@
+//! Opens a file of text, unpacks it if it is gzip, and keeps count of what has been read.
+
+use std::fs::File;
+use std::io::{self, Cursor, Read};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use flate2::read::MultiGzDecoder;
+
+use super::error::{Fault, LineTooLong};
+
+/// No line of a table of numbers is longer; more without a line end is a runaway quote or not a table.
+const LONGEST_LINE: u64 = 16 << 20;
+/// What is looked at to tell text from other kinds of files.
+const PROBE: usize = 8192;
+
+/// Whether the bytes that come out are those of the file or unpacked ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unpacking {
+    Plain,
+    Gzip,
+}
+
+/// A number that two owners in one thread share. Atomic only so that a reader may be moved to another thread.
+#[derive(Default)]
+pub(super) struct Count(AtomicU64);
+
+impl Count {
+    pub fn get(&self) -> u64 {
+        self.0.load(Relaxed)
+    }
+
+    pub fn set(&self, value: u64) {
+        self.0.store(value, Relaxed);
+    }
+}
+
+/// Counts shared between the reading end and whoever parses.
+#[derive(Default)]
+pub(super) struct Counts {
+    /// Bytes read from the file on disk.
+    pub on_disk: Count,
+    /// Bytes of text handed out.
+    pub text: Count,
+    /// Where in the text the line begins that is being parsed.
+    pub line_start: Count,
+    /// Last byte of text handed out.
+    pub last: Count,
+}
+
+/// An open file of text.
+pub(super) struct Source {
+    pub text: Box<dyn Read + Send>,
+    pub counts: Arc<Counts>,
+    pub unpacking: Unpacking,
+    /// Size of the file on disk, bytes.
+    pub size: u64,
+    /// Whether the line of headings ends with "\r\n".
+    pub crlf: bool,
+}
+
+/// Open a file; what it is, is decided by its first bytes, not by its name.
+pub(super) fn open(path: &Path) -> Result<Source, Fault> {
+    let file = File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => Fault::Missing,
+        io::ErrorKind::IsADirectory => Fault::NotAFile,
+        _ => Fault::Io(error),
+    })?;
+    let about = file.metadata().map_err(Fault::Io)?;
+    if about.is_dir() {
+        return Err(Fault::NotAFile);
+    }
+    let counts = Arc::new(Counts::default());
+    let mut disk = OnDisk { file, counts: Arc::clone(&counts) };
+    let start = probe(&mut disk).map_err(Fault::Io)?;
+    let unpacking = if start.starts_with(&[0x1f, 0x8b]) { Unpacking::Gzip } else { Unpacking::Plain };
+    let whole = Cursor::new(start).chain(disk);
+    let mut text: Box<dyn Read + Send> = match unpacking {
+        Unpacking::Plain => Box::new(whole),
+        Unpacking::Gzip => Box::new(MultiGzDecoder::new(whole)),
+    };
+    let start = probe(&mut text).map_err(|error| Fault::from_io(error, unpacking))?;
+    refuse_other_kinds(&start)?;
+    let line_end = start.iter().position(|&byte| byte == b'\n').unwrap_or(0);
+    let crlf = line_end > 0 && start[line_end - 1] == b'\r';
+    let text = Box::new(Text { inner: Cursor::new(start).chain(text), counts: Arc::clone(&counts) });
+    Ok(Source { text, counts, unpacking, size: about.len(), crlf })
+}
+
+fn probe(reader: &mut impl Read) -> io::Result<Vec<u8>> {
+    let mut start = Vec::with_capacity(PROBE);
+    reader.take(PROBE as u64).read_to_end(&mut start)?;
+    Ok(start)
+}
+
+fn refuse_other_kinds(start: &[u8]) -> Result<(), Fault> {
+    const KINDS: [(&[u8], &str); 9] = [
+        (b"PAR1", "a Parquet file"),
+        (b"PK\x03\x04", "a zip archive or a spreadsheet (.xlsx)"),
+        (b"\x89HDF", "an HDF5 or MATLAB 7.3 file"),
+        (b"MATLAB", "a MATLAB file"),
+        (b"\x28\xb5\x2f\xfd", "packed with zstd"),
+        (b"\xfd7zXZ", "packed with xz"),
+        (b"BZh", "packed with bzip2"),
+        (b"\xff\xfe", "UTF-16 text"),
+        (b"\xfe\xff", "UTF-16 text"),
+    ];
+    if let Some((_, kind)) = KINDS.iter().find(|(magic, _)| start.starts_with(magic)) {
+        return Err(Fault::Binary(kind));
+    }
+    if start.contains(&0) {
+        return Err(Fault::Binary("binary data"));
+    }
+    if start.iter().all(u8::is_ascii_whitespace) {
+        return Err(Fault::Empty);
+    }
+    Ok(())
+}
+
+struct OnDisk {
+    file: File,
+    counts: Arc<Counts>,
+}
+
+impl Read for OnDisk {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        self.counts.on_disk.set(self.counts.on_disk.get() + count as u64);
+        Ok(count)
+    }
+}
+
+struct Text<R> {
+    inner: R,
+    counts: Arc<Counts>,
+}
+
+impl<R: Read> Read for Text<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.counts.text.get() - self.counts.line_start.get() > LONGEST_LINE {
+            return Err(io::Error::other(LineTooLong));
+        }
+        let count = self.inner.read(buffer)?;
+        self.counts.text.set(self.counts.text.get() + count as u64);
+        if count > 0 {
+            self.counts.last.set(buffer[count - 1].into());
+        }
+        Ok(count)
+    }
+}

@@ -1,0 +1,225 @@
+//! Tables read and written, and every fault with its place.
+
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use proptest::prelude::*;
+
+use super::{Column, ColumnUse, Fault, ReadColumn, Table, TableError, TableReader, format_rows};
+
+const TIME: Column = Column { used: ColumnUse::Time, least: f64::NEG_INFINITY, hint: String::new() };
+const NUMBER: Column = Column { used: ColumnUse::Number, least: f64::NEG_INFINITY, hint: String::new() };
+const FREE: Column = Column { used: ColumnUse::Free, least: f64::NEG_INFINITY, hint: String::new() };
+const SKIP: Column = Column { used: ColumnUse::Skip, least: f64::NEG_INFINITY, hint: String::new() };
+
+/// A file that is removed with its handle.
+struct Temporary(PathBuf);
+
+impl Temporary {
+    fn new(content: &[u8]) -> Self {
+        use std::sync::atomic::{AtomicU64, Ordering};
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let path = std::env::temp_dir().join(format!("bha_table_{}_{number}", std::process::id()));
+        std::fs::write(&path, content).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+fn read_path(path: &Path, columns: &[Column]) -> Result<Table, TableError> {
+    TableReader::open(path)?.read(columns, &mut |_, _| ControlFlow::Continue(()))
+}
+
+fn read(content: &[u8], columns: &[Column]) -> Result<Table, TableError> {
+    read_path(&Temporary::new(content).0, columns)
+}
+
+fn text(content: &[u8], columns: &[Column]) -> String {
+    read(content, columns).unwrap_err().to_string()
+}
+
+fn packed(content: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(content).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn numbers(column: &ReadColumn) -> &[f64] {
+    match column {
+        ReadColumn::Numbers(numbers) => numbers,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn columns_come_as_they_stand() {
+    let table =
+        read(b"\xef\xbb\xbft, a ,b,c\r\n0,1,x,\r\n\r\n0, +2.5e-3 ,y,nan\r\n", &[TIME, NUMBER, SKIP, FREE]).unwrap();
+    assert_eq!(table.rows, 2);
+    assert!(!table.unterminated);
+    assert_eq!(numbers(&table.columns[0]), [0.0, 0.0]);
+    assert_eq!(numbers(&table.columns[1]), [1.0, 2.5e-3]);
+    assert_eq!(table.columns[2], ReadColumn::Skipped);
+    assert!(numbers(&table.columns[3]).iter().all(|number| number.is_nan()));
+}
+
+#[test]
+fn headings_may_be_quoted_and_lose_their_blanks() {
+    let file = Temporary::new(b" \"t [s]\" ,\"p11 [kPa(g)]\"\n0,1\n");
+    let reader = TableReader::open(&file.0).unwrap();
+    assert_eq!(reader.headings()[1], "p11 [kPa(g)]");
+}
+
+#[test]
+fn a_free_column_of_text_says_where() {
+    let table = read(b"t,note\n0,1\n1,start\n2,3\n", &[TIME, FREE]).unwrap();
+    assert_eq!(table.columns[1], ReadColumn::Text { line: 3, found: "start".into() });
+}
+
+#[test]
+fn gzip_is_known_by_its_bytes_and_may_have_several_members() {
+    let mut content = packed(b"t,a\n0,1\n");
+    content.extend(packed(b"1,2\n"));
+    let table = read(&content, &[TIME, NUMBER]).unwrap();
+    assert_eq!(numbers(&table.columns[1]), [1.0, 2.0]);
+}
+
+#[test]
+fn faults_name_line_and_column() {
+    let columns = [TIME, Column { least: -1.0, hint: "check it".into(), ..NUMBER }];
+    let cases: [(&[u8], &str); 14] = [
+        (b"t,a\n0,1\n1,x\n2,3\n", "line 3, column 'a': found \"x\"; expected a number such as -1.5 or 2.5e3"),
+        (
+            b"t,a\n0,1\n\n1,NaN\n2,3\n",
+            "line 4, column 'a': found \"NaN\"; expected a finite number: write the last known value or remove the row",
+        ),
+        (
+            b"t,a\n0,1e999\n",
+            "line 2, column 'a': found \"1e999\"; expected a finite number: write the last known value or remove the row",
+        ),
+        (
+            b"t,a\n0, \n1,2\n",
+            "line 2, column 'a': the cell is empty; write the last known value, as a sensor that holds it would, or remove the row",
+        ),
+        (
+            b"t,a\n0,1\n1,2\n0.5,3\n",
+            "line 4, column 't': time runs backwards, from 1.0 to 0.5; times may repeat but not decrease",
+        ),
+        (b"t,a\n0,-2\n", "line 2, column 'a': found -2.0, below the least possible value -1.0; check it"),
+        (b"t,a\n0,1,2\n1,2\n", "line 2: found 3 fields; the headings have 2"),
+        (
+            b"t,a\n0,1\n1",
+            "line 3: found 1 fields; the headings have 2; the file ends inside this line: was it cut off, or is it still being written?",
+        ),
+        (
+            b"t,a\n0,1\n1,2e",
+            "line 3, column 'a': found \"2e\"; expected a number such as -1.5 or 2.5e3; the file ends inside this line: was it cut off, or is it still being written?",
+        ),
+        (b"t,a\n0,\"1\n", "line 2, column 'a': found \"1\\n\"; expected a number such as -1.5 or 2.5e3"),
+        (b"t,a\n", "has headings but no rows of numbers"),
+        (b" \n\n", "the file is empty; expected a line of headings and lines of numbers"),
+        (b"t;a\n0;1\n", "line 1: the headings are separated by ';'; expected commas, and points as decimal marks"),
+        (b"t,\xb5\n0,1\n", "line 1: the headings are not UTF-8 text; save the file as UTF-8"),
+    ];
+    for (content, expected) in cases {
+        assert_eq!(text(content, &columns), expected);
+    }
+}
+
+#[test]
+fn lines_are_counted_as_an_editor_counts_them() {
+    for content in ["t,a\n0,1\n\n\n1,x\n2,3\n", "t,a\r\n0,1\r\n\r\n\r\n1,x\r\n2,3\r\n", "t,a\n0,1\n\n\n1,x"] {
+        assert_eq!(read(content.as_bytes(), &[TIME, NUMBER]).unwrap_err().line, Some(5), "{content:?}");
+        assert_eq!(
+            read(content.as_bytes(), &[TIME, FREE]).unwrap().columns[1],
+            ReadColumn::Text { line: 5, found: "x".into() }
+        );
+    }
+}
+
+#[test]
+fn other_kinds_of_files_are_named() {
+    let cases: [(&[u8], &str); 4] = [
+        (
+            b"PK\x03\x04rest",
+            "is not a text file but a zip archive or a spreadsheet (.xlsx); expected CSV, plain or gzip",
+        ),
+        (b"t,a\n\0\0", "is not a text file but binary data; expected CSV, plain or gzip"),
+        (b"\xff\xfet\0", "is not a text file but UTF-16 text; expected CSV, plain or gzip"),
+        (b"", "the file is empty; expected a line of headings and lines of numbers"),
+    ];
+    for (content, expected) in cases {
+        assert_eq!(text(content, &[TIME, NUMBER]), expected);
+    }
+    assert_eq!(read_path(Path::new("/nowhere/at/all"), &[]).unwrap_err().to_string(), "there is no such file");
+    assert_eq!(read_path(&std::env::temp_dir(), &[]).unwrap_err().to_string(), "is not a file");
+}
+
+#[test]
+fn damaged_gzip_is_named() {
+    let rows: String = (0..50_000).map(|i| format!("{i},{}\n", f64::from(i).sin())).collect();
+    let whole = packed(format!("t,a\n{rows}").as_bytes());
+    let cut = text(&whole[..whole.len() / 2], &[TIME, NUMBER]);
+    assert!(cut.ends_with("the gzip data ends too early: the file was cut off"), "{cut}");
+    let mut damaged = whole.clone();
+    let middle = whole.len() / 2;
+    damaged[middle..middle + 64].fill(0xff);
+    let error = read(&damaged, &[TIME, NUMBER]).unwrap_err();
+    assert!(!matches!(error.fault, Fault::Io(_)), "{error}");
+}
+
+#[test]
+fn an_unclosed_quote_ends_in_an_error_not_in_memory() {
+    let mut content = b"t,a\n0,\"1\n".to_vec();
+    content.resize(40 << 20, b'7');
+    assert!(matches!(read(&content, &[TIME, NUMBER]).unwrap_err().fault, Fault::LineTooLong));
+}
+
+#[test]
+fn the_watcher_sees_start_and_end_and_can_stop() {
+    let file = Temporary::new(b"t,a\n0,1\n");
+    let mut calls = Vec::new();
+    let reader = TableReader::open(&file.0).unwrap();
+    reader
+        .read(&[TIME, NUMBER], &mut |done, size| {
+            calls.push((done, size));
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    assert_eq!(calls, [(8, 8), (8, 8)]);
+    let reader = TableReader::open(&file.0).unwrap();
+    let error = reader.read(&[TIME, NUMBER], &mut |_, _| ControlFlow::Break(())).unwrap_err();
+    assert!(matches!(error.fault, Fault::Stopped));
+}
+
+#[test]
+fn a_last_line_without_end_is_told() {
+    assert!(read(b"t,a\n0,1\n1,2", &[TIME, NUMBER]).unwrap().unterminated);
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_reads_back_to_the_last_bit(
+        rows in prop::collection::vec((any::<f64>(), any::<f64>()), 1..50)
+    ) {
+        let a: Vec<f64> = rows.iter().map(|row| row.0).collect();
+        let b: Vec<f64> = rows.iter().map(|row| row.1).collect();
+        let mut content = b"a,b\n".to_vec();
+        format_rows(&[&a, &b], &mut content);
+        let table = read(&content, &[FREE, FREE]).unwrap();
+        for (found, written) in table.columns.iter().zip([a, b]) {
+            for (x, y) in numbers(found).iter().zip(written) {
+                prop_assert!(x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan()));
+            }
+        }
+    }
+}
