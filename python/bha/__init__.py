@@ -3,6 +3,7 @@
 from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
+from bha.batch import Batch, simulate_batch
 from bha.errors import (
     BhaError,
     ConvergenceError,
@@ -17,6 +18,7 @@ from bha.trajectory import Trajectory, TrajectoryWriter
 
 __all__ = [
     "Arm",
+    "Batch",
     "BhaError",
     "ConvergenceError",
     "Input",
@@ -32,4 +34,5 @@ __all__ = [
     "__version__",
     "robots",
     "simulate",
+    "simulate_batch",
 ]

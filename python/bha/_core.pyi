@@ -1,11 +1,12 @@
 """Types of the compiled core."""
 
+from collections.abc import Callable, Sequence
 from typing import Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bha.errors import SimulationError
+from bha.errors import BhaError, SimulationError
 
 __version__: str
 
@@ -109,3 +110,31 @@ class Simulation:
     ]: ...
     @property
     def statistics(self) -> tuple[int, int, int]: ...
+
+def simulate_batch(
+    arms: Sequence[Arm],
+    inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],
+    times: Sequence[ArrayLike],
+    members: Sequence[tuple[int, int, int]],
+    start: ArrayLike,
+    state: ArrayLike | None = None,
+    *,
+    interpolation: str = "linear",
+    method: str = "rk4",
+    step: float = 1e-3,
+    rtol: float = 1e-6,
+    atol: float = 1e-8,
+    min_step: float = 1e-10,
+    max_step: float = ...,
+    max_steps: int | None = None,
+    velocities: bool = True,
+    head_positions: bool = False,
+    threads: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.float64] | None,
+    NDArray[np.float64] | None,
+    list[BhaError | None],
+    NDArray[np.uint64],
+]: ...

@@ -85,6 +85,16 @@ impl Input {
         self.force_count > 0
     }
 
+    /// Number of pressure channels.
+    pub fn pressure_count(&self) -> usize {
+        self.pressure_count
+    }
+
+    /// Number of force channels: three a section, or none.
+    pub fn force_count(&self) -> usize {
+        self.force_count
+    }
+
     /// First sample time.
     pub fn start(&self) -> f64 {
         self.times[0]

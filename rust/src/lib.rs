@@ -18,9 +18,10 @@
 //!
 //! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
 //!
-//! Arrows: simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points back.
+//! Arrows: batch -> simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points back.
 
 pub mod arm;
+pub mod batch;
 pub mod dynamics;
 pub mod effects;
 pub mod error;

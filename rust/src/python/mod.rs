@@ -1,7 +1,8 @@
-//! The extension module `bha._core`: one file per exposed class, one for arrays, one for errors.
+//! The extension module `bha._core`: one file per exposed class or function, one for arrays, one for errors.
 
 mod arm;
 mod arrays;
+mod batch;
 mod errors;
 mod simulation;
 mod table;
@@ -16,5 +17,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
+    m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
     table::register(m)
 }

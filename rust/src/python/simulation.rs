@@ -46,18 +46,8 @@ impl PySimulation {
         let py = arm.py();
         let arm = arm.get().arm.clone();
         let (sections, inputs) = (arm.sections.len(), arm.inputs);
-        let wrong = |text: String| input(py, text);
-        let interpolation = Interpolation::by_name(interpolation)
-            .ok_or_else(|| wrong(format!("interpolation: {interpolation:?}; \"linear\" or \"hold\" are allowed")))?;
-        let method = Method::by_name(method)
-            .ok_or_else(|| wrong(format!("method: {method:?}; \"dopri5\" or \"rk4\" are allowed")))?;
-        for (name, value) in
-            [("step", step), ("rtol", rtol), ("atol", atol), ("min_step", min_step), ("max_step", max_step)]
-        {
-            if value.is_nan() || value <= 0.0 {
-                return Err(wrong(format!("{name}: {value}; a positive number is needed")));
-            }
-        }
+        let interpolation = interpolation_by_name(py, interpolation)?;
+        let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
         let times = any_vector(times, "times")?.as_slice()?.to_vec();
         let pressures = rows(pressures, "pressures", inputs)?.as_slice()?.to_vec();
         let forces = forces.map(|f| rows(f, "forces", 3 * sections)).transpose()?;
@@ -67,8 +57,6 @@ impl PySimulation {
         };
         let q = q.map(|q| vector(q, "q", 3 * sections)).transpose()?;
         let qd = qd.map(|q| vector(q, "qd", 3 * sections)).transpose()?;
-        let options =
-            Options { method, step, rtol, atol, min_step, max_step, max_steps: max_steps.unwrap_or(u64::MAX) };
         let build = || {
             let input = Input::new(times, (pressures, inputs), forces, interpolation)?;
             let start = start.unwrap_or(input.start());
@@ -126,6 +114,33 @@ impl PySimulation {
         let s = self.simulation.try_lock().map_err(|_| busy(py))?.statistics();
         Ok((s.steps, s.rejected_steps, s.evaluations))
     }
+}
+
+/// By the user's name.
+pub(super) fn interpolation_by_name(py: Python<'_>, name: &str) -> PyResult<Interpolation> {
+    Interpolation::by_name(name)
+        .ok_or_else(|| input(py, format!("interpolation: {name:?}; \"linear\" or \"hold\" are allowed")))
+}
+
+/// Checked options.
+pub(super) fn options(
+    py: Python<'_>,
+    method: &str,
+    step: f64,
+    (rtol, atol): (f64, f64),
+    (min_step, max_step): (f64, f64),
+    max_steps: Option<u64>,
+) -> PyResult<Options> {
+    let method = Method::by_name(method)
+        .ok_or_else(|| input(py, format!("method: {method:?}; \"dopri5\" or \"rk4\" are allowed")))?;
+    for (name, value) in
+        [("step", step), ("rtol", rtol), ("atol", atol), ("min_step", min_step), ("max_step", max_step)]
+    {
+        if value.is_nan() || value <= 0.0 {
+            return Err(input(py, format!("{name}: {value}; a positive number is needed")));
+        }
+    }
+    Ok(Options { method, step, rtol, atol, min_step, max_step, max_steps: max_steps.unwrap_or(u64::MAX) })
 }
 
 fn busy(py: Python<'_>) -> PyErr {

@@ -1,0 +1,194 @@
+"""Many simulations in one call: parameter sets, inputs, initial states, windows of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bha import _core
+from bha.errors import BhaError, InputError
+from bha.simulation import Input, Interpolation, Method, as_input
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.log import Log
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What a batch of simulations returned; a member that failed keeps its place.
+
+    Attributes:
+        time: times of the rows, s, shape (rows,) or (members, rows); NaN where a member has no row.
+        lengths: m, shape (members, rows, 3n); NaN from a member's failure on.
+        velocities: m/s, shape (members, rows, 3n), or None.
+        head_positions: origins of the heads in the base frame, m, shape (members, rows, n, 3), or None.
+        failures: for each member None or the error that ended it (a :class:`bha.SimulationError` knows the time).
+        statistics: steps, rejected steps and evaluations of each member, shape (members, 3).
+    """
+
+    time: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    velocities: NDArray[np.float64] | None
+    head_positions: NDArray[np.float64] | None
+    failures: tuple[BhaError | None, ...]
+    statistics: NDArray[np.uint64]
+
+    def __len__(self) -> int:
+        """Number of members."""
+        return len(self.failures)
+
+    @property
+    def succeeded(self) -> NDArray[np.bool_]:
+        """Which members reached their last row, shape (members,)."""
+        return np.array([failure is None for failure in self.failures], dtype=np.bool_)
+
+
+def simulate_batch(
+    arms: Arm | Sequence[Arm],
+    inputs: Input | Log | Sequence[Input | Log],
+    x0: ArrayLike | None = None,
+    *,
+    times: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    method: Method = "rk4",
+    step: float = 1e-3,
+    rtol: float = 1e-6,
+    atol: float = 1e-8,
+    max_steps: int | None = None,
+    interpolation: Interpolation = "linear",
+    velocities: bool = True,
+    head_positions: bool = False,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Batch:
+    """Simulate many arms, inputs, initial states or windows of a log, over all cores.
+
+    ``arms``, ``inputs``, ``x0``, ``start`` and ``times`` are each one for all members or one a member; the longest says
+    how many members there are. A member may be a window: its own start, initial state and output times. The result does
+    not depend on ``threads``, and no member on the others.
+
+    Args:
+        arms: the arms; all need the same number of sections and of inputs.
+        inputs: what drives them; a :class:`bha.Log` stands for its pressures and external forces. Give the same object
+            again, not a copy, where members share an input.
+        x0: initial lengths and rates, shape (6n,) or (members, 6n), m and m/s; at rest under the pressures at the start
+            if None.
+        times: times of the rows, s, on the clock of the input, shape (rows,) or (members, rows), ascending; NaN at a
+            row's end where a member has fewer. The samples of the first input from the start on if None.
+        start: when the members start, s, a number or (members,); the first sample of the input if None.
+        method: ``"rk4"`` or ``"dopri5"``.
+        step: longest step of ``rk4``, s.
+        rtol: relative tolerance of ``dopri5``.
+        atol: absolute tolerance of ``dopri5``, m and m/s.
+        max_steps: most steps of a member; None is no limit.
+        interpolation: what holds between two samples, ``"linear"`` or ``"hold"``.
+        velocities: whether to return the rates.
+        head_positions: whether to return the heads' positions.
+        threads: how many threads; as many as there are cores if None.
+        progress: called about 20 times a second with the fraction of members done.
+
+    Returns:
+        The members' rows, NaN and a status for those that failed.
+
+    Raises:
+        InputError: arguments that do not fit together or are not allowed. Failures of single members raise nothing.
+    """
+    arm_list = [arms] if not isinstance(arms, Sequence) else list(arms)
+    input_list = list(inputs) if isinstance(inputs, Sequence) else [inputs]
+    if not arm_list or not input_list:
+        raise InputError("arms and inputs: at least one of each is needed")
+    state = None if x0 is None else np.asarray(x0, dtype=np.float64)
+    starts = None if start is None else np.asarray(start, dtype=np.float64)
+    rows = None if times is None else np.asarray(times, dtype=np.float64)
+    sizes = {"arms": len(arm_list), "inputs": len(input_list)}
+    for name, array, single in (("x0", state, 1), ("start", starts, 0), ("times", rows, 1)):
+        if array is not None:
+            if array.ndim not in (single, single + 1):
+                raise InputError(f"{name}: {array.ndim} dimensions; {single} (for all) or {single + 1} are needed")
+            sizes[name] = len(array) if array.ndim > single else 1
+    count = max(sizes.values())
+    wrong = {name: size for name, size in sizes.items() if size not in (1, count)}
+    if wrong:
+        found = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        raise InputError(f"the numbers of members differ: {found}; each must be 1 or the greatest of them")
+
+    arm_index, unique_arms = _unique(arm_list, count)
+    input_index, unique_inputs = _unique(input_list, count)
+    drives = [as_input(unique_arms[0], drive) for drive in unique_inputs]
+    if starts is None:
+        starts = np.array([_first(drives[index]) for index in input_index])
+    starts = np.broadcast_to(starts, (count,))
+    if rows is None:
+        sample_times = np.asarray(drives[0].time, dtype=np.float64)
+        rows = sample_times[sample_times >= starts[0]]
+    time_sets = [_without_padding(row) for row in np.atleast_2d(rows)]
+    if state is not None:
+        state = np.ascontiguousarray(np.broadcast_to(state, (count, state.shape[-1])))
+
+    lengths, rates, heads, failures, statistics = _core.simulate_batch(
+        unique_arms,
+        [(d.time, d.pressures, None if d.forces is None else np.reshape(d.forces, (len(d.time), -1))) for d in drives],
+        time_sets,
+        [(arm_index[k], input_index[k], k if len(time_sets) > 1 else 0) for k in range(count)],
+        starts,
+        state,
+        interpolation=interpolation,
+        method=method,
+        step=step,
+        rtol=rtol,
+        atol=atol,
+        max_steps=max_steps,
+        velocities=velocities,
+        head_positions=head_positions,
+        threads=_thread_count(threads),
+        progress=progress,
+    )
+    return Batch(
+        time=rows[..., : lengths.shape[1]],
+        lengths=lengths,
+        velocities=rates,
+        head_positions=None if heads is None else heads.reshape(*heads.shape[:2], -1, 3),
+        failures=tuple(failures),
+        statistics=statistics,
+    )
+
+
+def _unique(items: list[T], count: int) -> tuple[list[int], list[T]]:
+    """For each of ``count`` members the index of its item, and the items, each object once."""
+    found: dict[int, int] = {}
+    unique: list[T] = []
+    for item in items:
+        if id(item) not in found:
+            found[id(item)] = len(unique)
+            unique.append(item)
+    index = [found[id(item)] for item in items]
+    return (index if len(index) == count else index * count), unique
+
+
+def _first(drive: Input) -> float:
+    if len(drive.time) == 0:
+        raise InputError("an input has no samples; at least one is needed")
+    return float(drive.time[0])
+
+
+def _without_padding(row: NDArray[np.float64]) -> NDArray[np.float64]:
+    missing = np.isnan(row)
+    end = int(np.argmax(missing)) if missing.any() else len(row)
+    if not missing[end:].all():
+        raise InputError("times: NaN is allowed at a row's end only")
+    return np.ascontiguousarray(row[:end])
+
+
+def _thread_count(threads: int | None) -> int:
+    if threads is None:
+        return 0
+    if threads < 1:
+        raise InputError(f"threads: {threads}; at least 1 is needed")
+    return threads

@@ -1,0 +1,224 @@
+//! Many simulations at once: arms (parameter sets), inputs, windows of a log, over threads.
+//!
+//! Every member is computed by itself, so the result does not depend on the number of threads or on the other members. A
+//! member that cannot go on keeps its place: NaN from its failure on and the error as its status.
+
+use crate::arm::Arm;
+use crate::error::{Error, Result};
+use crate::input::Input;
+use crate::integrate::{Options, Statistics};
+use crate::simulate::Simulation;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// One simulation of a batch.
+#[derive(Clone, Copy, Debug)]
+pub struct Member<'a> {
+    /// Index of its arm.
+    pub arm: usize,
+    /// Index of its input.
+    pub input: usize,
+    /// When it starts, s, on the clock of its input.
+    pub start: f64,
+    /// Lengths and rates at `start`, 6n; at rest under the pressures and forces of that time if none.
+    pub state: Option<&'a [f64]>,
+    /// Times of its rows, ascending, from `start` on.
+    pub times: &'a [f64],
+}
+
+/// What is kept beside the lengths.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Channels {
+    /// Rates of the lengths.
+    pub velocities: bool,
+    /// Origins of the heads.
+    pub head_positions: bool,
+}
+
+/// The members' rows, one block of `rows` rows a member, NaN where a member has none.
+#[derive(Clone, Debug, Default)]
+pub struct BatchRows {
+    /// Rows a member: those of the member that has most.
+    pub rows: usize,
+    /// Lengths, 3n a row, m.
+    pub lengths: Vec<f64>,
+    /// Rates, 3n a row, m/s, or empty.
+    pub velocities: Vec<f64>,
+    /// Origins of the heads in the base frame, 3n a row, m, or empty.
+    pub head_positions: Vec<f64>,
+    /// Why each member ended early, if it did.
+    pub failures: Vec<Option<Error>>,
+    /// What each member cost.
+    pub statistics: Vec<Statistics>,
+}
+
+/// A batch to run.
+#[derive(Clone, Copy, Debug)]
+pub struct Batch<'a> {
+    /// Arms, all with the same number of sections.
+    pub arms: &'a [Arc<Arm>],
+    /// Inputs.
+    pub inputs: &'a [Arc<Input>],
+    /// The simulations.
+    pub members: &'a [Member<'a>],
+    /// How to integrate, all of them.
+    pub options: Options,
+    /// What is kept beside the lengths.
+    pub channels: Channels,
+}
+
+/// How often the caller is asked whether to stop.
+const WATCH: Duration = Duration::from_millis(50);
+
+impl Batch<'_> {
+    /// Runs all members over `threads` threads (0: as many as there are cores).
+    ///
+    /// `watch` is called on the calling thread about every 50 ms with the number of members done; true stops the batch.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for what does not fit together (nothing has run then), [`Error::Interrupted`] if `watch` said so.
+    /// Errors of single members are their status.
+    pub fn run(&self, threads: usize, watch: &mut impl FnMut(usize) -> bool) -> Result<BatchRows> {
+        let columns = self.check()?;
+        let rows = self.members.iter().map(|m| m.times.len()).max().unwrap_or(0);
+        let block = rows * columns;
+        let nan = |wanted: bool| if wanted { vec![f64::NAN; self.members.len() * block] } else { Vec::new() };
+        let mut out = BatchRows {
+            rows,
+            lengths: nan(true),
+            velocities: nan(self.channels.velocities),
+            head_positions: nan(self.channels.head_positions),
+            failures: vec![None; self.members.len()],
+            statistics: vec![Statistics::default(); self.members.len()],
+        };
+        if self.members.is_empty() {
+            return Ok(out);
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| Error::Input(format!("threads: {threads}; {e}")))?;
+        let (stop, done) = (AtomicBool::new(false), AtomicUsize::new(0));
+        let slots = self.slots(&mut out, block);
+        std::thread::scope(|scope| {
+            let (finished, report) = channel();
+            let (stop, done) = (&stop, &done);
+            scope.spawn(move || {
+                pool.install(|| {
+                    slots.into_par_iter().zip(self.members).for_each(|(slot, member)| {
+                        if !stop.load(Ordering::Relaxed) {
+                            self.run_member(member, slot, stop);
+                            done.fetch_add(1, Ordering::Relaxed);
+                        }
+                    });
+                });
+                // The receiver outlives this thread; a failed send can only mean that nobody waits any more.
+                let _ = finished.send(());
+            });
+            while report.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
+                if watch(done.load(Ordering::Relaxed)) {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+        });
+        if stop.into_inner() { Err(Error::Interrupted) } else { Ok(out) }
+    }
+
+    /// Where each member writes.
+    fn slots<'b>(&self, out: &'b mut BatchRows, block: usize) -> Vec<Slot<'b>> {
+        let size = block.max(1);
+        let mut lengths = out.lengths.chunks_mut(size);
+        let mut velocities = out.velocities.chunks_mut(size);
+        let mut head_positions = out.head_positions.chunks_mut(size);
+        let rest = out.failures.iter_mut().zip(&mut out.statistics);
+        rest.map(|(failure, statistics)| Slot {
+            lengths: lengths.next().unwrap_or_default(),
+            velocities: velocities.next().unwrap_or_default(),
+            head_positions: head_positions.next().unwrap_or_default(),
+            failure,
+            statistics,
+        })
+        .collect()
+    }
+
+    fn run_member(&self, member: &Member<'_>, slot: Slot<'_>, stop: &AtomicBool) {
+        let (arm, input) = (self.arms[member.arm].clone(), self.inputs[member.input].clone());
+        let halves = member.state.map(|x| x.split_at(x.len() / 2));
+        let (q, qd) = (halves.map(|h| h.0), halves.map(|h| h.1));
+        let mut simulation = match Simulation::new(arm, input, self.options, member.start, q, qd) {
+            Ok(simulation) => simulation,
+            Err(error) => {
+                *slot.failure = Some(error);
+                return;
+            }
+        };
+        let (rows, result) = simulation.advance(member.times, &mut || stop.load(Ordering::Relaxed));
+        for (to, from) in [
+            (slot.lengths, rows.lengths),
+            (slot.velocities, rows.velocities),
+            (slot.head_positions, rows.head_positions),
+        ] {
+            if !to.is_empty() {
+                to[..from.len()].copy_from_slice(&from);
+            }
+        }
+        *slot.failure = result.err();
+        *slot.statistics = simulation.statistics();
+    }
+
+    /// The number of coordinates, all arms', if everything fits together.
+    fn check(&self) -> Result<usize> {
+        let wrong = |text: String| Err(Error::Input(text));
+        let columns = self.arms.first().map_or(0, |a| a.coordinates());
+        if let Some(k) = self.arms.iter().position(|a| a.coordinates() != columns) {
+            let (found, wanted) = (self.arms[k].sections.len(), columns / 3);
+            return wrong(format!("arm {k} has {found} sections, arm 0 has {wanted}; a batch needs equal numbers"));
+        }
+        for (k, m) in self.members.iter().enumerate() {
+            let (Some(arm), Some(input)) = (self.arms.get(m.arm), self.inputs.get(m.input)) else {
+                let (arms, inputs) = (self.arms.len(), self.inputs.len());
+                return wrong(format!(
+                    "member {k} wants arm {} of {arms} and input {} of {inputs}, counted from 0",
+                    m.arm, m.input
+                ));
+            };
+            let (pressures, forces) = (input.pressure_count(), input.force_count());
+            if pressures != arm.inputs {
+                return wrong(format!(
+                    "member {k}: its input has {pressures} pressures, its arm {} inputs",
+                    arm.inputs
+                ));
+            }
+            if forces != 0 && forces != columns {
+                return wrong(format!("member {k}: its input has {forces} force channels; 0 or {columns} are allowed"));
+            }
+            if !m.start.is_finite() {
+                return wrong(format!("member {k}: start: {}; a finite time is needed", m.start));
+            }
+            if let Some(x) = m.state
+                && (x.len() != 2 * columns || x.iter().any(|v| !v.is_finite()))
+            {
+                let wanted = 2 * columns;
+                return wrong(format!("member {k}: initial state: {wanted} finite numbers are needed, found {x:?}"));
+            }
+            let ordered = m.times.windows(2).all(|w| w[0] <= w[1]);
+            if !ordered || m.times.iter().any(|t| !t.is_finite()) || m.times.first().is_some_and(|t| *t < m.start) {
+                let start = m.start;
+                return wrong(format!("member {k}: output times must be finite, ascend and not lie before {start} s"));
+            }
+        }
+        Ok(columns)
+    }
+}
+
+/// Where one member's results go.
+struct Slot<'a> {
+    lengths: &'a mut [f64],
+    velocities: &'a mut [f64],
+    head_positions: &'a mut [f64],
+    failure: &'a mut Option<Error>,
+    statistics: &'a mut Statistics,
+}

@@ -1,0 +1,116 @@
+//! The function `simulate_batch`.
+
+use super::arm::PyArm;
+use super::arrays::{any_vector, rows, shaped, vector};
+use super::errors::{input, to_python};
+use super::simulation::{interpolation_by_name, options};
+use crate::batch::{Batch, Channels, Member};
+use crate::error::Error;
+use crate::input::Input;
+use numpy::{PyArray2, PyArray3};
+use pyo3::prelude::*;
+use std::sync::Arc;
+
+type Blocks<'py> = Bound<'py, PyArray3<f64>>;
+/// Sample times, pressures, forces.
+type Samples<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
+
+/// The `k`th of `arms`, `inputs` and `times` as `members[k]` = (arm, input, times) say, from `start[k]` and `state[k]` on.
+///
+/// Returns (lengths, velocities or None, head positions or None, failures, statistics); see `bha.simulate_batch`.
+#[pyfunction]
+#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, threads = 0, progress = None))]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn simulate_batch<'py>(
+    py: Python<'py>,
+    arms: Vec<Bound<'py, PyArm>>,
+    inputs: Vec<Samples<'py>>,
+    times: Vec<Bound<'py, PyAny>>,
+    members: Vec<(usize, usize, usize)>,
+    start: &Bound<'py, PyAny>,
+    state: Option<&Bound<'py, PyAny>>,
+    interpolation: &str,
+    method: &str,
+    step: f64,
+    rtol: f64,
+    atol: f64,
+    min_step: f64,
+    max_step: f64,
+    max_steps: Option<u64>,
+    velocities: bool,
+    head_positions: bool,
+    threads: usize,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(Blocks<'py>, Option<Blocks<'py>>, Option<Blocks<'py>>, Vec<Option<Py<PyAny>>>, Bound<'py, PyArray2<u64>>)>
+{
+    let interpolation = interpolation_by_name(py, interpolation)?;
+    let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
+    let arms: Vec<_> = arms.iter().map(|a| a.get().arm.clone()).collect();
+    let Some(first) = arms.first() else { return Err(input(py, "arms: none; at least one is needed".to_owned())) };
+    let (columns, pressure_count) = (first.coordinates(), first.inputs);
+    let read = |(k, (time, pressures, forces)): (usize, &Samples<'py>)| -> PyResult<Arc<Input>> {
+        let time = any_vector(time, &format!("inputs[{k}].time"))?.as_slice()?.to_vec();
+        let pressures = rows(pressures, &format!("inputs[{k}].pressures"), pressure_count)?.as_slice()?.to_vec();
+        let forces = match forces {
+            Some(f) => (rows(f, &format!("inputs[{k}].forces"), columns)?.as_slice()?.to_vec(), columns),
+            None => (Vec::new(), 0),
+        };
+        let built = Input::new(time, (pressures, pressure_count), forces, interpolation);
+        Ok(Arc::new(built.map_err(|e| to_python(py, &e))?))
+    };
+    let inputs = inputs.iter().enumerate().map(read).collect::<PyResult<Vec<_>>>()?;
+    let times = times
+        .iter()
+        .enumerate()
+        .map(|(k, t)| Ok(any_vector(t, &format!("times[{k}]"))?.as_slice()?.to_vec()))
+        .collect::<PyResult<Vec<_>>>()?;
+    let start = vector(start, "start", members.len())?;
+    let start = start.as_slice()?;
+    let state = state.map(|x| super::arrays::matrix(x, "x0", (members.len(), 2 * columns))).transpose()?;
+    let state = state.as_ref().map(|x| x.as_slice()).transpose()?;
+    let build = |(k, &(arm, input, set)): (usize, &(usize, usize, usize))| {
+        let times = times.get(set).ok_or_else(|| Error::Input(format!("member {k} wants times {set}; there are none")));
+        let state = state.map(|x| &x[2 * columns * k..2 * columns * (k + 1)]);
+        Ok(Member { arm, input, start: start[k], state, times: times? })
+    };
+    let members = members.iter().enumerate().map(build).collect::<Result<Vec<_>, Error>>();
+    let members = members.map_err(|e| to_python(py, &e))?;
+
+    let batch = Batch {
+        arms: &arms,
+        inputs: &inputs,
+        members: &members,
+        options,
+        channels: Channels { velocities, head_positions },
+    };
+    let mut signal: Option<PyErr> = None;
+    let progress = progress.map(|p| p.clone().unbind());
+    let count = members.len();
+    let outcome = py.detach(|| {
+        batch.run(threads, &mut |done| {
+            let ask = |py: Python<'_>| {
+                py.check_signals()?;
+                progress.as_ref().map_or(Ok(()), |p| p.bind(py).call1((done as f64 / count as f64,)).map(drop))
+            };
+            if signal.is_none() {
+                signal = Python::attach(ask).err();
+            }
+            signal.is_some()
+        })
+    });
+    if let Some(error) = signal {
+        return Err(error);
+    }
+    let out = outcome.map_err(|e| to_python(py, &e))?;
+    let shape = [count, out.rows, columns];
+    let optional = |wanted: bool, values| if wanted { shaped(py, values, shape).map(Some) } else { Ok(None) };
+    let failure = |e: &Option<Error>| e.as_ref().map(|e| to_python(py, e).into_value(py).into_any());
+    let counts = out.statistics.iter().flat_map(|s| [s.steps, s.rejected_steps, s.evaluations]).collect::<Vec<_>>();
+    Ok((
+        shaped(py, out.lengths, shape)?,
+        optional(velocities, out.velocities)?,
+        optional(head_positions, out.head_positions)?,
+        out.failures.iter().map(failure).collect(),
+        numpy::PyArrayMethods::reshape(&numpy::IntoPyArray::into_pyarray(counts, py), [count, 3])?,
+    ))
+}

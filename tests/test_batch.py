@@ -1,0 +1,140 @@
+"""Batches: every member as simulated alone, whatever the threads; failures keep their place."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import bha
+
+
+@pytest.fixture(scope="module")
+def arm() -> bha.Arm:
+    return bha.robots.load("bha_nominal")
+
+
+def rests(arm: bha.Arm, count: int, seed: int = 3) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    rows = []
+    for _ in range(count):
+        pressures = 101_325.0 + rng.uniform(0.0, 0.6e5, len(arm.inputs))
+        rows.append(np.concatenate([arm.static_lengths(pressures), np.zeros(3 * arm.section_count)]))
+    return np.array(rows)
+
+
+def drive(arm: bha.Arm, seed: int = 0) -> bha.Input:
+    rng = np.random.default_rng(seed)
+    return bha.Input(np.linspace(0.0, 0.2, 5), 101_325.0 + rng.uniform(0.0, 0.8e5, (5, len(arm.inputs))))
+
+
+@pytest.mark.parametrize("method", ["rk4", "dopri5"])
+def test_members_are_as_simulated_alone(arm: bha.Arm, method: str) -> None:
+    arms = [arm, arm.with_changes(gravity=(1.0, 0.0, 9.0)), arm]
+    inputs = [drive(arm, seed) for seed in range(3)]
+    states = rests(arm, 3)
+    times = np.linspace(0.0, 0.2, 21)
+    batch = bha.simulate_batch(arms, inputs, states, times=times, method=method, head_positions=True)
+    n = 3 * arm.section_count
+    for k in range(3):
+        options = bha.Options(method=method)
+        alone = bha.Simulation(arms[k], inputs[k], options, q0=states[k, :n], qd0=states[k, n:]).advance(times)
+        np.testing.assert_allclose(batch.lengths[k], alone.lengths, rtol=1e-12)
+        np.testing.assert_allclose(batch.velocities[k], alone.velocities, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(batch.head_positions[k], alone.head_positions, rtol=0, atol=1e-13)
+    assert batch.succeeded.all()
+
+
+def test_windows_of_one_input(arm: bha.Arm) -> None:
+    """Each member from its own time and state on; rows beyond a window's end are NaN and no failure."""
+    source = drive(arm)
+    whole = bha.simulate(arm, source, dt=0.01, method="rk4")
+    states = np.hstack([whole.lengths, whole.velocities])
+    times = np.array([[0.05, 0.07, 0.10], [0.10, 0.14, np.nan]])
+    batch = bha.simulate_batch(arm, source, states[[5, 10]], times=times, start=[0.05, 0.10])
+    np.testing.assert_allclose(batch.lengths[0], whole.lengths[[5, 7, 10]], rtol=1e-10)
+    np.testing.assert_allclose(batch.lengths[1, :2], whole.lengths[[10, 14]], rtol=1e-10)
+    assert np.isnan(batch.lengths[1, 2]).all()
+    assert batch.succeeded.all()
+
+
+def test_independent_of_threads(arm: bha.Arm) -> None:
+    arguments = {"x0": rests(arm, 13), "times": np.linspace(0.0, 0.1, 6)}
+    results = [bha.simulate_batch(arm, drive(arm), threads=t, **arguments) for t in (1, 2, 3)]
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].lengths, other.lengths)
+        np.testing.assert_array_equal(results[0].velocities, other.velocities)
+
+
+def test_a_failed_member_keeps_its_place(arm: bha.Arm) -> None:
+    """One of them starts so fast that it diverges."""
+    states = rests(arm, 9)
+    times = np.linspace(0.0, 0.1, 11)
+    good = bha.simulate_batch(arm, drive(arm), np.delete(states, 4, axis=0), times=times)
+    states[4, 9:] = [40.0, -40.0, 40.0] * 3
+    batch = bha.simulate_batch(arm, drive(arm), states, times=times)
+    assert list(batch.succeeded) == [k != 4 for k in range(9)]
+    failure = batch.failures[4]
+    assert isinstance(failure, bha.SimulationError)
+    reached = times <= failure.time
+    assert reached.any()
+    assert not reached.all()
+    assert np.isfinite(batch.lengths[4, reached]).all()
+    assert np.isnan(batch.lengths[4, ~reached]).all()
+    np.testing.assert_allclose(np.delete(batch.lengths, 4, axis=0), good.lengths, rtol=1e-12)
+
+
+def test_no_rest_is_a_status(arm: bha.Arm) -> None:
+    impossible = bha.Input.constant([1e12] * len(arm.inputs), 0.1)
+    batch = bha.simulate_batch(arm, [drive(arm), impossible], times=[0.0, 0.1])
+    assert list(batch.succeeded) == [True, False]
+    assert np.isnan(batch.lengths[1]).all()
+    assert isinstance(batch.failures[1], bha.ConvergenceError)
+
+
+def test_interrupt(arm: bha.Arm) -> None:
+    """Ctrl-C ends a batch that would take minutes."""
+    timer = threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT))
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            bha.simulate_batch(arm, bha.Input.constant([101_325.0] * 9, 1e4), rests(arm, 4), times=[1e4])
+    finally:
+        timer.cancel()
+        signal.signal(signal.SIGINT, handler)
+
+
+def test_an_error_in_progress_comes_back_as_itself(arm: bha.Arm) -> None:
+    error = RuntimeError("enough")
+
+    def progress(_: float) -> None:
+        raise error
+
+    started = time.monotonic()
+    with pytest.raises(RuntimeError) as caught:
+        bha.simulate_batch(arm, bha.Input.constant([101_325.0] * 9, 1e4), times=[1e4], progress=progress)
+    assert caught.value is error
+    assert time.monotonic() - started < 30.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"times": [0.1, 0.0]}, "member 0: output times must be finite, ascend"),
+        ({"times": [[0.0, np.nan, 0.1]]}, "NaN is allowed at a row's end only"),
+        ({"start": np.zeros(2), "x0": np.zeros((3, 18))}, "numbers of members differ: .* x0 3, start 2"),
+        ({"x0": np.zeros(17)}, r"x0: expected shape \(1, 18\), found \[1, 17\]"),
+        ({"x0": np.full(18, np.nan)}, "x0: element 0 is NaN"),
+        ({"threads": 0}, "threads: 0; at least 1"),
+        ({"step": 0.0}, "step: 0; a positive number"),
+        ({"inputs": []}, "at least one of each"),
+    ],
+)
+def test_wrong_arguments(arm: bha.Arm, changes: dict, text: str) -> None:
+    arguments = {"inputs": drive(arm), **changes}
+    with pytest.raises(bha.InputError, match=text):
+        bha.simulate_batch(arm, **arguments)
