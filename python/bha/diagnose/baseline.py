@@ -66,7 +66,12 @@ def thin(record: Record, factor: int) -> Record:
         columns.append(np.convolve(np.concatenate([before, y, after]), taps, mode="valid"))
     keep = slice(0, None, factor)
     return replace(
-        record, rows=record.rows[keep], outputs=np.column_stack(columns)[keep], good=record.good[keep]
+        record,
+        rows=record.rows[keep],
+        outputs=np.column_stack(columns)[keep],
+        good=record.good[keep],
+        noise_share=record.noise_share * float(np.sum(taps**2)),
+        thinning=record.thinning * factor,
     )
 
 
@@ -172,9 +177,9 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int) ->
     # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
     rough = noise_model(records, [[] for _ in records])
     problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine)
-    fit = improve(problem, evaluate(problem, model, x, prepared.states), iterations=4, tolerance=0.05)
+    fit = improve(problem, evaluate(problem, model, x, prepared.states), iterations=8, tolerance=0.02, renewals=1)
     disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
     noise = noise_model(records, disturbed)
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine)
-    fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=4, tolerance=2e-3)
+    fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=8, tolerance=2e-3, renewals=2)
     return Baseline(problem, noise, fit, prepared)

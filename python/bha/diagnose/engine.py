@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bha import _core
+from bha import _core, names
 from bha.diagnose.records import Record
 from bha.errors import BhaError
 
 Array = NDArray[np.float64]
+
+#: Numbers that one call of the core may return, so that memory stays bounded.
+CHUNK_NUMBERS = 40_000_000
 
 
 @dataclass(frozen=True)
@@ -37,61 +38,81 @@ class Job:
 
 
 class Engine:
-    """Runs jobs over threads with one fixed step; a run that diverges gives NaN from there on."""
+    """Runs jobs over threads with one fixed step; a run that diverges gives NaN from there on.
+
+    Jobs that share a log run in one call of the core, which may put them abreast.
+    """
 
     def __init__(self, step: float, threads: int | None = None, tick: Callable[[int], None] | None = None) -> None:
         """Step of the integration, s; number of threads (all cores if None); ``tick`` is told of finished jobs."""
         self.step = step
-        self.threads = threads or os.cpu_count() or 1
+        self.threads = threads or 0
         self.count = 0
         self._tick = tick
 
     def run(self, jobs: Sequence[Job]) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
-        self.count += len(jobs)
-        arms = {text: _core.Arm(text) for text in {job.arm for job in jobs}}
-        if len(jobs) == 1 or self.threads == 1:
-            return [self._one(arms[job.arm], job) for job in jobs]
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(lambda job: self._one(arms[job.arm], job), jobs))
+        groups: dict[tuple[int, int], list[int]] = {}
+        for k, job in enumerate(jobs):
+            groups.setdefault((id(job.record), job.rows or len(job.record.rows)), []).append(k)
+        results: list[Array] = [np.empty(0)] * len(jobs)
+        for (_, rows), members in groups.items():
+            size = max(1, CHUNK_NUMBERS // (rows * 6 * len(jobs[members[0]].state)))
+            for first in range(0, len(members), size):
+                part = members[first : first + size]
+                for k, y in zip(part, self._together([jobs[k] for k in part], rows), strict=True):
+                    results[k] = y
+                self.count += len(part)
+                if self._tick is not None:
+                    self._tick(len(part))
+        return results
 
-    def _one(self, arm: _core.Arm, job: Job) -> Array:
-        record = job.record
-        times = record.output_time if job.rows is None else record.output_time[: job.rows]
-        result = np.full((len(times), len(record.channels)), np.nan)
-        n = len(job.state) // 2
+    def _together(self, jobs: Sequence[Job], rows: int) -> list[Array]:
+        record = jobs[0].record
+        times = np.ascontiguousarray(record.output_time[:rows])
+        texts = list(dict.fromkeys(job.arm for job in jobs))
+        arms: dict[str, int] = {}
+        built: list[_core.Arm] = []
+        for text in texts:
+            try:
+                built.append(_core.Arm(text))
+            except BhaError:
+                continue  # parameters without a model: no run, NaN
+            arms[text] = len(built) - 1
         forces = None if record.forces is None else record.forces.reshape(len(record.time), -1)
-        try:
-            run = _core.Simulation(
-                arm,
-                record.time,
-                record.pressures if job.pressures is None else job.pressures,
-                forces,
-                method="rk4",
-                step=self.step,
-                start=float(times[0]),
-                q=job.state[:n],
-                qd=job.state[n:],
-            )
-            lengths, _, _, heads, _ = run.advance(times)
-        except BhaError:
-            return result
-        result[: len(lengths)] = observe(record.channels, lengths, heads)
-        if self._tick is not None:
-            self._tick(1)
-        return result
-
-
-def observe(channels: Sequence[str], lengths: Array, heads: Array) -> Array:
-    """The measured channels out of all lengths (m, 3n) and head positions (m, 3n)."""
-    both = np.concatenate([lengths, heads.reshape(len(lengths), -1)], axis=1)
-    return both[:, channel_columns(channels, lengths.shape[1] // 3)]
+        drives: dict[int, int] = {}
+        inputs = []
+        for job in jobs:
+            if id(job.pressures) not in drives:
+                drives[id(job.pressures)] = len(inputs)
+                inputs.append((record.time, record.pressures if job.pressures is None else job.pressures, forces))
+        live = [job for job in jobs if job.arm in arms and np.all(np.isfinite(job.state))]
+        nothing = np.full((rows, len(record.channels)), np.nan)
+        if not live:
+            return [nothing] * len(jobs)
+        needs_heads = any(not name.startswith("q") for name in record.channels)
+        lengths, _, heads, _, _ = _core.simulate_batch(
+            built,
+            inputs,
+            [times],
+            [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
+            np.full(len(live), times[0]),
+            np.ascontiguousarray([job.state for job in live]),
+            method="rk4",
+            step=self.step,
+            velocities=False,
+            head_positions=needs_heads,
+            threads=self.threads,
+        )
+        columns = channel_columns(record.channels, lengths.shape[2] // 3)
+        both = lengths if heads is None else np.concatenate([lengths, heads.reshape(lengths.shape)], axis=2)
+        outputs = iter(np.ascontiguousarray(both[:, :, columns]))
+        found = {id(job): y for job, y in zip(live, outputs, strict=True)}
+        return [found.get(id(job), nothing) for job in jobs]
 
 
 def channel_columns(channels: Sequence[str], sections: int) -> list[int]:
     """Columns of the channels in all lengths and head positions side by side."""
-    from bha import names  # noqa: PLC0415  (a name only)
-
     lengths = [names.length_name(i, k) for i in range(1, sections + 1) for k in (1, 2, 3)]
     heads = [name for i in range(1, sections + 1) for name in names.position_names(i)]
     place = {name: k for k, name in enumerate([*lengths, *heads])}

@@ -28,6 +28,8 @@ DIFFERENCE = 1e-3
 STATE_LENGTH, STATE_RATE = 1e-3, 1e-2
 #: Plausible error of an initial state as measured, in these units.
 STATE_SPREAD = 10.0
+#: Neighbouring numbers of a residual that is not noise that err together, about.
+CORRELATION = 20.0
 #: After this time the arm has forgotten how it started, s.
 MEMORY = 4.0
 
@@ -89,6 +91,7 @@ class Fit:
         cost: sum of squares of the residual plus the prior's.
         jacobian: white outputs by coordinates, shape (rows, size), or None.
         state_jacobians: white outputs of each log by its initial state, in units of ``STATE_LENGTH`` and ``STATE_RATE``.
+        trust: weight of the prior against the squares of the residual, see :func:`prior_weight`.
     """
 
     model: Model
@@ -99,6 +102,7 @@ class Fit:
     cost: float
     jacobian: Array | None = None
     state_jacobians: tuple[Array, ...] | None = None
+    trust: float = 1.0
 
     @property
     def squares(self) -> float:
@@ -122,12 +126,27 @@ def state_units(n: int) -> Array:
     return np.concatenate([np.full(n, STATE_LENGTH), np.full(n, STATE_RATE)])
 
 
-def evaluate(problem: Problem, model: Model, x: Array, states: Sequence[Array]) -> Fit:
+def prior_weight(squares: float, rows: int) -> float:
+    """Weight of the prior: one under a right model, and as much more as the residual exceeds the noise.
+
+    A residual that is not noise but physics is no evidence about the plain parameters to the precision of the noise: neighbouring
+    samples err together. Without this a strong effect drives them to absurd values, and the absurd values hide the effect.
+    """
+    return 1.0 + CORRELATION * max(0.0, squares / rows - 1.05)
+
+
+def evaluate(problem: Problem, model: Model, x: Array, states: Sequence[Array], trust: float = 1.0) -> Fit:
     """The model at ``x`` without sensitivities; infinite cost if a run diverged."""
     outputs = problem.simulate(model, x, states)
     residual = problem.residual(outputs)
-    cost = float(residual @ residual) + prior_cost(model, x) if np.all(np.isfinite(residual)) else np.inf
-    return Fit(model, x, tuple(states), tuple(outputs), residual, cost)
+    cost = float(residual @ residual) + trust * prior_cost(model, x) if np.all(np.isfinite(residual)) else np.inf
+    return Fit(model, x, tuple(states), tuple(outputs), residual, cost, trust=trust)
+
+
+def weighted(fit: Fit, rows: int) -> Fit:
+    """The fit with the weight of the prior that its residual asks for."""
+    trust = prior_weight(fit.squares, rows)
+    return replace(fit, trust=trust, cost=fit.squares + trust * fit.prior)
 
 
 def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
@@ -177,25 +196,6 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
     return tuple(result)
 
 
-@dataclass(frozen=True)
-class Normal:
-    """Normal equations with the initial states eliminated.
-
-    Attributes:
-        hessian: J^T J after elimination, without prior, shape (size, size).
-        gradient: J^T r after elimination.
-        jacobian: J projected on the complement of the initial states.
-        residual: the residual, likewise.
-        back: per log what gives the states' step: (inverse of their normal matrix, their Jacobian).
-    """
-
-    hessian: Array
-    gradient: Array
-    jacobian: Array
-    residual: Array
-    back: tuple[tuple[Array, Array], ...]
-
-
 def project_states(problem: Problem, state_jacobians: Sequence[Array], table: Array) -> Array:
     """``table`` (rows, k) on the complement of what initial states can do, prior of the states included."""
     result = table.copy()
@@ -205,20 +205,18 @@ def project_states(problem: Problem, state_jacobians: Sequence[Array], table: Ar
     return result
 
 
-def solve_step(problem: Problem, fit: Fit, damping: float, free: NDArray[np.bool_]) -> tuple[Array, list[Array]]:
+def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[Array]]:
     """Levenberg-Marquardt step of the coordinates and of the states."""
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
-    weights = np.array([c.prior for c in fit.model.coordinates])
+    weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
     projected = project_states(problem, fit.state_jacobians, np.column_stack([fit.jacobian, fit.residual]))
     reduced, rest = projected[:, :-1], projected[:, -1]
     hessian = fit.jacobian.T @ reduced
     gradient = fit.jacobian.T @ rest - weights * fit.x
-    index = np.flatnonzero(free)
-    matrix = hessian[np.ix_(index, index)] + np.diag(weights[index])
-    matrix += damping * np.diag(np.diag(matrix)) + 1e-12 * np.trace(matrix) / max(len(index), 1) * np.eye(len(index))
-    step = np.zeros_like(fit.x)
-    step[index] = np.linalg.solve(matrix, gradient[index])
+    matrix = hessian + np.diag(weights)
+    matrix += damping * np.diag(np.diag(matrix)) + 1e-12 * np.trace(matrix) / max(len(matrix), 1) * np.eye(len(matrix))
+    step = np.linalg.solve(matrix, gradient)
     states = []
     units = state_units(len(fit.states[0]) // 2)
     for part, jacobian in zip(problem.slices(), fit.state_jacobians, strict=True):
@@ -236,17 +234,21 @@ def improve(
     tolerance: float = 1e-3,
     renew: Sequence[int] | None = None,
     limit: float = 3.0,
+    renewals: int = 3,
 ) -> Fit:
     """Fit from ``fit`` on.
+
+    Sensitivities are kept from step to step as long as they predict what a step brings, and renewed when they do not: they cost some
+    thirty times a run.
 
     Args:
         problem: the logs.
         fit: where to start, with its sensitivities where it has them.
         iterations: most steps.
-        tolerance: stop when a step lowers the cost by less than this share, or by less than 0.1.
-        renew: coordinates whose sensitivities are renewed in every step; all, and those of the states, if None. The others
-            are renewed only when a step fails.
+        tolerance: stop when a step lowers the cost by less than this share, or by less than 0.5.
+        renew: coordinates whose sensitivities are renewed in every step in any case (those that enter most nonlinearly).
         limit: greatest step of a coordinate.
+        renewals: how often all sensitivities may be renewed.
 
     Raises:
         ConvergenceError: the start itself diverges.
@@ -255,43 +257,56 @@ def improve(
         raise ConvergenceError("the simulation diverges at the start of the fit; is the arm's file that of the logs?")
     if fit.jacobian is None or fit.state_jacobians is None:
         fit = with_sensitivities(problem, fit)
+    fit = weighted(fit, problem.rows)
     damping, fresh = 1e-4, True
-    free = np.ones(fit.model.size, dtype=np.bool_)
     for _ in range(iterations):
-        accepted = None
-        for _ in range(5):
-            step, states = solve_step(problem, fit, damping, free)
-            size = float(np.max(np.abs(step), initial=0.0))
-            step *= min(1.0, limit / size) if size > 0 else 1.0
-            x = fit.x + step
-            x = np.array([c.coordinate(c.value(v)) for c, v in zip(fit.model.coordinates, x, strict=True)])
-            trial = evaluate(problem, fit.model, x, [a + b for a, b in zip(fit.states, states, strict=True)])
-            if trial.cost < fit.cost:
-                accepted = trial
+        trial, predicted = _attempt(problem, fit, damping, limit)
+        for _ in range(3):
+            if trial is not None and trial.cost < fit.cost:
                 break
-            damping = max(10.0 * damping, 1e-2)
-        if accepted is None:
-            if fresh:
+            damping = max(30.0 * damping, 1e-2)
+            trial, predicted = _attempt(problem, fit, damping, limit)
+        if trial is None or trial.cost >= fit.cost:
+            if fresh or renewals == 0:
                 break
-            fit, fresh = with_sensitivities(problem, fit), True
+            fit, fresh, renewals, damping = with_sensitivities(problem, fit), True, renewals - 1, 1e-4
             continue
-        gain = fit.cost - accepted.cost
-        damping = 0.2 * damping if damping > 1e-5 else damping
-        done = gain < max(tolerance * fit.cost, 0.1)
-        fit = replace(accepted, jacobian=fit.jacobian, state_jacobians=fit.state_jacobians)
-        if done and fresh:
+        gain = fit.cost - trial.cost
+        damping = max(0.1 * damping, 1e-7)
+        small = gain < max(tolerance * fit.cost, 0.5)
+        fit = weighted(replace(trial, jacobian=fit.jacobian, state_jacobians=fit.state_jacobians), problem.rows)
+        if small and (fresh or renewals == 0):
             break
+        good = gain > 0.6 * predicted and not small
         fresh = False
-        if renew is None:
-            fit, fresh = with_sensitivities(problem, fit), True
-        elif done:
-            break
-        else:
+        if not good and renewals > 0:
+            fit, fresh, renewals = with_sensitivities(problem, fit), True, renewals - 1
+        elif renew:
             assert fit.jacobian is not None
             jacobian = fit.jacobian.copy()
             jacobian[:, list(renew)] = columns(problem, fit, renew)
             fit = replace(fit, jacobian=jacobian)
     return fit
+
+
+def _attempt(problem: Problem, fit: Fit, damping: float, limit: float) -> tuple[Fit | None, float]:
+    """A step, its result, and the gain that the sensitivities predict."""
+    step, states = solve_step(problem, fit, damping)
+    size = float(np.max(np.abs(step), initial=0.0))
+    if size > limit:
+        step *= limit / size
+        states = [s * (limit / size) for s in states]
+    x = fit.x + step
+    x = np.array([c.coordinate(c.value(v)) for c, v in zip(fit.model.coordinates, x, strict=True)])
+    trial = evaluate(problem, fit.model, x, [a + b for a, b in zip(fit.states, states, strict=True)], fit.trust)
+    assert fit.jacobian is not None
+    assert fit.state_jacobians is not None
+    left = fit.residual - fit.jacobian @ (x - fit.x)
+    units = state_units(len(fit.states[0]) // 2)
+    for part, jacobian, change in zip(problem.slices(), fit.state_jacobians, states, strict=True):
+        left[part] -= jacobian @ (change / units)
+    predicted = fit.cost - float(left @ left) - fit.trust * prior_cost(fit.model, x)
+    return (trial if np.isfinite(trial.cost) else None), predicted
 
 
 def with_sensitivities(problem: Problem, fit: Fit) -> Fit:

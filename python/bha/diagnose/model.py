@@ -12,7 +12,7 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -86,12 +86,22 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class EffectTerm:
-    """One effect in the model: kind, place, the numbers that are fitted and those that stay."""
+    """One effect in the model.
+
+    Attributes:
+        kind: as in a parameter file.
+        where: as in a parameter file.
+        coordinates: what is fitted.
+        fixed: numbers that stay.
+        numbers: what makes the numbers of the file from those that are fitted, where they are others (a wall's angle and
+            distance).
+    """
 
     kind: str
     where: str
     coordinates: tuple[Coordinate, ...]
     fixed: Mapping[str, float] = field(default_factory=dict)
+    numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
 
     @property
     def label(self) -> str:
@@ -101,7 +111,7 @@ class EffectTerm:
     def parameters(self, x: Sequence[float]) -> dict[str, float]:
         """Numbers by name at the coordinates ``x``."""
         values = {str(c.path[-1]): c.value(v) for c, v in zip(self.coordinates, x, strict=True)}
-        return {**self.fixed, **values}
+        return self.numbers({**self.fixed, **values})
 
 
 @dataclass(frozen=True)
@@ -167,14 +177,8 @@ class Model:
 
 
 def with_effect_tables(core: Core, effects: Sequence[Mapping[str, Any]]) -> Core:
-    """``core`` with effects added to those it has; the force model is a switch of the arm, not a table."""
-    tables = [dict(e) for e in effects if e["kind"] != "work_conjugate"]
-    if len(tables) < len(effects):
-        other = {"end_force": "work_conjugate", "work_conjugate": "end_force"}
-        core = {**core, "force_model": other[core["force_model"]]}
-    if tables:
-        core = {**core, "effect": [*core.get("effect", []), *tables]}
-    return core
+    """``core`` with effects added to those it has."""
+    return {**core, "effect": [*core.get("effect", []), *map(dict, effects)]} if effects else core
 
 
 def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:

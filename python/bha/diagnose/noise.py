@@ -105,11 +105,13 @@ def noise_model(
     covariance = sums / np.maximum(counts, 1.0)[:, None, None]
     centres = np.sqrt(np.concatenate([[0.3 * edges[0]], edges[:-1]]) * np.where(np.isinf(edges), 2.0 * top, edges))
     share, time = colour
-    sample_time = float(np.median([r.sample_time for r in records]))
+    sample_time = float(np.median([r.sample_time / r.thinning for r in records]))
     shape = np.ones(len(edges))
     if share > 0.0:
         shape = 1.0 - share + share * ar1_density(centres, sample_time, time)
-    covariance += np.einsum("b,ij->bij", shape, np.diag(sensor**2))
+    # Within the band that is left, thinning divides the variance of a coefficient.
+    thinning = float(np.mean([r.thinning for r in records]))
+    covariance += np.einsum("b,ij->bij", shape, np.diag(sensor**2 / thinning))
     pressure_part = np.sqrt(np.mean(pressure_squares, axis=0)) if pressure_squares else np.zeros(channels)
     return NoiseModel(edges, covariance, np.asarray(sensor), pressure_part, colour)
 
