@@ -43,6 +43,7 @@ fn arm(sections: usize) -> Arm {
         coriolis_forces: true,
         inputs: (0..3 * sections).map(|k| format!("p{k}")).collect(),
         section: (0..sections).map(section).collect(),
+        effect: Vec::new(),
     })
     .expect("the parameters are valid")
 }

@@ -86,6 +86,7 @@ def test_core_json_is_complete_and_says_what_the_file_says() -> None:
         "rotational_energy": True,
         "coriolis_forces": True,
         "inputs": ["p11", "p12", "p13", "p21", "p22", "p23"],
+        "effect": [],
     }
     assert [section["mass"] for section in sections] == [0.5, 0.4]
     bellows = sections[1].pop("bellows")

@@ -1,7 +1,7 @@
 """Types of the compiled core."""
 
 from collections.abc import Callable, Sequence
-from typing import Self, final
+from typing import Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +9,26 @@ from numpy.typing import ArrayLike, NDArray
 from bha.errors import BhaError, SimulationError
 
 __version__: str
+
+class _ParameterInfo(TypedDict):
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float | None
+    meaning: str
+
+class _KindInfo(TypedDict):
+    kind: str
+    summary: str
+    places: list[str]
+    parameters: list[_ParameterInfo]
+    several: bool
+    needs_poses: bool
+    changes_arm: bool
+
+def effect_kinds() -> list[_KindInfo]: ...
+def formula_fault(text: str, names: list[str]) -> str | None: ...
 
 class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
@@ -138,3 +158,27 @@ def simulate_batch(
     list[BhaError | None],
     NDArray[np.uint64],
 ]: ...
+
+@final
+class VirtualArm:
+    def __new__(
+        cls,
+        parameters_json: str,
+        distributed: Sequence[tuple[int, float, tuple[float, float, float]]],
+        creep: Sequence[tuple[float, float]],
+    ) -> Self: ...
+    @property
+    def creep_states(self) -> int: ...
+    def rest(self, p: ArrayLike, f_ext: ArrayLike | None = None) -> NDArray[np.float64]: ...
+    def run(
+        self,
+        times: ArrayLike,
+        pressures: ArrayLike,
+        forces: ArrayLike | None,
+        output_times: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike,
+        creep: ArrayLike,
+        step: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+    def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...

@@ -18,7 +18,10 @@
 //!
 //! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
 //!
-//! Arrows: batch -> simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points back.
+//! [`virtual_arm`] is no part of the model: it is what the paper's experiments take for the real arm.
+//!
+//! Arrows: batch -> simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points
+//! back.
 
 pub mod arm;
 pub mod batch;
@@ -37,3 +40,4 @@ mod python;
 pub mod real;
 pub mod simulate;
 pub mod table;
+pub mod virtual_arm;

@@ -79,7 +79,7 @@ def shown(value: Any) -> str:
 def _blamed(fault: Any) -> Location:
     """The key that a check of a whole table blames."""
     key = fault.get("ctx", {}).get("key", "")
-    return tuple(key.split(".")) if key else ()
+    return tuple(int(part) if part.isdigit() else part for part in key.split(".")) if key else ()
 
 
 def _locate(model: type[BaseModel], loc: Location) -> tuple[Location, type[BaseModel], str]:

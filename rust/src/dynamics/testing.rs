@@ -58,22 +58,36 @@ fn section(index: usize, x: &[f64]) -> SectionParameters {
     }
 }
 
-/// Strategy for arms of 1 to 5 sections.
-pub fn arms() -> impl Strategy<Value = Arm> {
+fn parameters(sections: &[Vec<f64>], gravity: [f64; 3], force_model: ForceModel) -> ArmParameters {
+    ArmParameters {
+        name: "random".to_owned(),
+        gravity,
+        ambient_pressure: 101_325.0,
+        force_model,
+        rotational_energy: true,
+        coriolis_forces: true,
+        inputs: (0..3 * sections.len()).map(|k| format!("p{k}")).collect(),
+        section: sections.iter().enumerate().map(|(i, x)| section(i, x)).collect(),
+        effect: Vec::new(),
+    }
+}
+
+/// Strategy for the parameters of arms of 1 to 5 sections.
+pub fn arm_parameters() -> impl Strategy<Value = ArmParameters> {
     let sections = prop::collection::vec(prop::collection::vec(0.0..1.0_f64, 18), 1..=5);
     (sections, prop::array::uniform3(-9.81..9.81_f64), any::<bool>()).prop_map(|(sections, gravity, end_force)| {
-        let inputs = (0..3 * sections.len()).map(|k| format!("p{k}")).collect();
-        Arm::new(&ArmParameters {
-            name: "random".to_owned(),
-            gravity,
-            ambient_pressure: 101_325.0,
-            force_model: if end_force { ForceModel::EndForce } else { ForceModel::WorkConjugate },
-            rotational_energy: true,
-            coriolis_forces: true,
-            inputs,
-            section: sections.iter().enumerate().map(|(i, x)| section(i, x)).collect(),
-            effect: Vec::new(),
-        })
-        .expect("the strategy makes valid arms")
+        parameters(&sections, gravity, if end_force { ForceModel::EndForce } else { ForceModel::WorkConjugate })
     })
+}
+
+/// Strategy for arms of 1 to 5 sections.
+pub fn arms() -> impl Strategy<Value = Arm> {
+    arm_parameters().prop_map(|p| Arm::new(&p).expect("the strategy makes valid arms"))
+}
+
+/// One hanging arm of `sections` sections, always the same.
+pub fn fixed_parameters(sections: usize) -> ArmParameters {
+    let unit = |i: usize, k: usize| 0.5 + 0.4 * ((7 * i + 3 * k) as f64).sin();
+    let sections: Vec<Vec<f64>> = (0..sections).map(|i| (0..18).map(|k| unit(i, k)).collect()).collect();
+    parameters(&sections, [0.0, 0.0, 9.81], ForceModel::WorkConjugate)
 }

@@ -40,12 +40,7 @@ pub fn phi<T: Real>(x: T) -> [T; 4] {
     let e2 = (one - e1) * inverse;
     let e3 = (T::from_f64(0.5) - e2) * inverse;
     let large = x - T::from_f64(0.5);
-    [
-        T::select(large, e0, s0),
-        T::select(large, e1, s1),
-        T::select(large, e2, s2),
-        T::select(large, e3, s3),
-    ]
+    [T::select(large, e0, s0), T::select(large, e1, s1), T::select(large, e2, s2), T::select(large, e3, s3)]
 }
 
 #[cfg(test)]

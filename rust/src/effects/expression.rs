@@ -52,13 +52,8 @@ pub enum Op {
     Power(u32),
 }
 
-const UNARY: [(&str, Unary); 5] = [
-    ("abs", Unary::Abs),
-    ("exp", Unary::Exp),
-    ("sign", Unary::Sign),
-    ("sqrt", Unary::Sqrt),
-    ("tanh", Unary::Tanh),
-];
+const UNARY: [(&str, Unary); 5] =
+    [("abs", Unary::Abs), ("exp", Unary::Exp), ("sign", Unary::Sign), ("sqrt", Unary::Sqrt), ("tanh", Unary::Tanh)];
 const FUNCTIONS: &str = "abs, exp, max, min, pow, sign, sqrt, tanh";
 
 impl Unary {

@@ -114,7 +114,9 @@ impl Effects<f64> {
             let mut entry = entry(number, p, arm, inputs)?;
             for (other, before) in list.iter().enumerate() {
                 let same = before.index == entry.index && before.definition.place == entry.definition.place;
-                if same && (!entry.info().several || before.values == entry.values && p.force == parameters[other].force) {
+                if same
+                    && (!entry.info().several || before.values == entry.values && p.force == parameters[other].force)
+                {
                     let (kind, place) = (entry.info().name, &entry.definition.place);
                     let found = format!("{kind} at {place} again, as effect {}", other + 1);
                     return Err(wrong(&format!("effect {}", number + 1), "kind", found, "once is allowed".to_owned()));
@@ -137,11 +139,10 @@ fn entry(number: usize, p: &EffectParameters, arm: &Arm<f64>, inputs: &[String])
     };
     let info = &KINDS[index];
     let at = format!("{place_text} ({})", p.kind);
-    let place = Place::parse(&p.place).filter(|place| info.places.contains(&place.kind())).ok_or_else(|| {
-        wrong(&at, "where", p.place.clone(), format!("{} is needed", places_text(info.places)))
-    })?;
-    let target =
-        Target::new(&place, arm, inputs).map_err(|allowed| wrong(&at, "where", p.place.clone(), allowed))?;
+    let place = Place::parse(&p.place)
+        .filter(|place| info.places.contains(&place.kind()))
+        .ok_or_else(|| wrong(&at, "where", p.place.clone(), format!("{} is needed", places_text(info.places))))?;
+    let target = Target::new(&place, arm, inputs).map_err(|allowed| wrong(&at, "where", p.place.clone(), allowed))?;
     let program = match (&p.force, info.name == "formula") {
         (Some(text), true) => {
             let names: Vec<&str> = p.parameters.keys().map(String::as_str).collect();

@@ -100,8 +100,7 @@ impl<T: Real> EffectState<T> {
         self.read(arm, x1);
         let elapsed = self.start.map(|t0| t1 - t0);
         let Self { bellows, bellows_force, hidden, .. } = self;
-        let now =
-            Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time: t1, elapsed };
+        let now = Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time: t1, elapsed };
         for entry in &arm.effects.list {
             entry.kind.advance(&now, &mut hidden[entry.hidden.clone()]);
         }

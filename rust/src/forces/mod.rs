@@ -79,13 +79,27 @@ pub struct ForceSet {
 
 impl ForceSet {
     /// Everything.
-    pub const ALL: Self =
-        Self { actuation: true, spring: true, damping: true, bending: true, gravity: true, external: true, effects: true };
+    pub const ALL: Self = Self {
+        actuation: true,
+        spring: true,
+        damping: true,
+        bending: true,
+        gravity: true,
+        external: true,
+        effects: true,
+    };
     /// Everything but the actuation: N.
     pub const PASSIVE: Self = Self { actuation: false, ..Self::ALL };
     /// Nothing, to switch single forces on.
-    pub const NONE: Self =
-        Self { actuation: false, spring: false, damping: false, bending: false, gravity: false, external: false, effects: false };
+    pub const NONE: Self = Self {
+        actuation: false,
+        spring: false,
+        damping: false,
+        bending: false,
+        gravity: false,
+        external: false,
+        effects: false,
+    };
 }
 
 /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.

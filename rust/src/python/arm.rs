@@ -177,7 +177,7 @@ impl PyArm {
         })
     }
 
-    /// N's parts by name (spring, damping, bending, gravity, external), each (3n,); they add up to `bias_force`. Paper (52).
+    /// N's parts by name (spring, damping, bending, gravity, external, effects), each (3n,); they add up to `bias_force`. Paper (52).
     #[pyo3(signature = (q, qd, f_ext = None))]
     fn bias_force_parts<'py>(
         &self,
@@ -196,6 +196,7 @@ impl PyArm {
             ("bending", ForceSet { bending: true, ..none }),
             ("gravity", ForceSet { gravity: true, ..none }),
             ("external", ForceSet { external: true, ..none }),
+            ("effects", ForceSet { effects: true, ..none }),
         ] {
             let force = self.force(set, (q.as_slice()?, qd.as_slice()?), &[], f.as_deref());
             out.set_item(name, small(py, &force.iter().map(|f| 0.0 - f).collect::<Vec<_>>()))?;

@@ -3,9 +3,11 @@
 mod arm;
 mod arrays;
 mod batch;
+mod effects;
 mod errors;
 mod simulation;
 mod table;
+mod virtual_arm;
 
 use pyo3::prelude::*;
 
@@ -17,6 +19,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
+    m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
+    m.add_function(wrap_pyfunction!(effects::effect_kinds, m)?)?;
+    m.add_function(wrap_pyfunction!(effects::formula_fault, m)?)?;
     table::register(m)
 }

@@ -1,0 +1,239 @@
+"""Numbers of a parameter file by name: ``section.2.mass``, ``section.1.bellows.3.rest_length``, ``gravity.x``.
+
+A path is the way to one number through the tables of the file, its steps joined by dots; tables and entries of lists
+count from 1, entries of vectors are ``x``, ``y``, ``z``. Identification, derivatives and diagnosis name parameters so.
+
+=============================================  ==============================================
+path                                           number
+=============================================  ==============================================
+``gravity.x``                                  an entry of gravity, m/s^2
+``ambient_pressure``                           Pa
+``section.2.mass``                             a value of section 2
+``section.1.stiffness.2``                      coefficient of the second power, N/m^2
+``section.1.bending_stiffness.1``              k1 (``.2``: k3), N m
+``section.1.center_of_mass.z``                 an entry of a vector
+``section.1.bellows.3.rest_length``            a value of one bellows only
+``effect.1.time_constant``                     a number of an effect, if the arm has effects
+``section.*.damping``, ``section.1.stiffness.*``  a group: every number that the pattern matches
+=============================================  ==============================================
+
+A section's value acts on those of its bellows that do not state their own. The moments of inertia follow the mass
+where the file leaves them to (56).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from bha.errors import ParameterError
+from bha.parameters.arm import ArmParameters
+from bha.parameters.base import nearest
+from bha.parameters.section import STANDARD_ANGLES_DEG
+
+AXES = ("x", "y", "z")
+#: Most coefficients of a stiffness polynomial, and of the bending moment.
+_TERMS = {"stiffness": 8, "bending_stiffness": 2}
+_ARM_VECTORS = ("gravity",)
+_ARM_NUMBERS = ("ambient_pressure",)
+_SECTION_VECTORS = ("center_of_mass", "inertia")
+_SECTION_LISTS = ("stiffness", "bending_stiffness")
+_SECTION_NUMBERS = (
+    "mass",
+    "bellows_radius",
+    "bellows_outer_radius",
+    "terminal_area",
+    "rest_length",
+    "damping",
+    "base_offset",
+    "head_offset",
+)
+_BELLOWS_NUMBERS = ("radius", "terminal_area", "rest_length", "damping")
+_UNITS = {
+    "gravity": "m/s^2",
+    "ambient_pressure": "Pa",
+    "mass": "kg",
+    "inertia": "kg m^2",
+    "center_of_mass": "m",
+    "bellows_radius": "m",
+    "bellows_outer_radius": "m",
+    "radius": "m",
+    "terminal_area": "m^2",
+    "rest_length": "m",
+    "damping": "N s/m",
+    "bending_stiffness": "N m",
+    "base_offset": "m",
+    "head_offset": "m",
+}
+
+
+def key_of(path: str) -> str:
+    """The file's key that a path ends in: ``stiffness`` of ``section.1.bellows.2.stiffness.1``."""
+    steps = path.split(".")
+    last = steps[-1]
+    return steps[-2] if len(steps) > 1 and steps[0] != "effect" and (last in (*AXES, "*") or last.isdigit()) else last
+
+
+def unit_of(path: str) -> str:
+    """Unit of the number at a path; empty for groups, which are factors, and for effects."""
+    if "*" in path:
+        return ""
+    key = key_of(path)
+    if key == "stiffness":
+        power = int(path.rsplit(".", 1)[1])
+        return "N/m" if power == 1 else f"N/m^{power}"
+    return _UNITS.get(key, "")
+
+
+def is_group(path: str) -> bool:
+    """Whether a path is a pattern with a star."""
+    return "*" in path.split(".")
+
+
+def available(parameters: ArmParameters) -> tuple[str, ...]:
+    """The paths of all numbers the arm's model has, in the order of the file; of polynomials the terms it has."""
+    paths = [f"{name}.{axis}" for name in _ARM_VECTORS for axis in AXES]
+    paths += _ARM_NUMBERS
+    for number, section in enumerate(parameters.sections, start=1):
+        place = f"section.{number}"
+        paths += [f"{place}.{name}" for name in _SECTION_NUMBERS if getattr(section, name) is not None]
+        paths += [f"{place}.{name}.{axis}" for name in _SECTION_VECTORS for axis in AXES]
+        paths += [f"{place}.{name}.{k + 1}" for name in _SECTION_LISTS for k in range(len(getattr(section, name)))]
+        for count, bellows in enumerate(section.resolved_bellows(number), start=1):
+            paths += [f"{place}.bellows.{count}.{name}" for name in _BELLOWS_NUMBERS]
+            paths += [f"{place}.bellows.{count}.stiffness.{k + 1}" for k in range(len(bellows.stiffness))]
+    for count, effect in enumerate(_effects(parameters.to_mapping()), start=1):
+        paths += [f"effect.{count}.{name}" for name, value in effect.items() if _is_number(value)]
+    return tuple(paths)
+
+
+def expand(parameters: ArmParameters, path: str) -> tuple[str, ...]:
+    """The paths that a pattern with stars matches; of a plain path that path alone.
+
+    A section's pattern does not reach into its bellows' own values: ``section.*.damping`` is one number a section.
+
+    Raises:
+        ParameterError: nothing matches.
+    """
+    if not is_group(path):
+        get_value(parameters, path)
+        return (path,)
+    pattern = re.compile(r"\.".join(r"[^.]+" if step == "*" else re.escape(step) for step in path.split(".")))
+    found = tuple(name for name in available(parameters) if pattern.fullmatch(name))
+    if not found:
+        raise ParameterError(f"{parameters.name}: no parameter matches {path!r}{nearest(path, available(parameters))}")
+    return found
+
+
+def get_value(parameters: ArmParameters, path: str) -> float:
+    """The number at a path; that of a bellows includes what it inherits, a power beyond a polynomial's terms is 0.
+
+    Raises:
+        ParameterError: there is no such number; the text names the nearest path.
+    """
+    match path.split("."):
+        case [name] if name in _ARM_NUMBERS:
+            return float(getattr(parameters, name))
+        case [name, axis] if name in _ARM_VECTORS and axis in AXES:
+            return float(getattr(parameters, name)[AXES.index(axis)])
+        case ["effect", number, name]:
+            effects = _effects(parameters.to_mapping())
+            if number.isdigit() and 0 < int(number) <= len(effects) and _is_number(effects[int(number) - 1].get(name)):
+                return float(effects[int(number) - 1][name])
+        case ["section", number, "bellows", place, name, *rest] if name in (*_BELLOWS_NUMBERS, "stiffness"):
+            section, i = _section(parameters, number, path)
+            bellows = section.resolved_bellows(i)
+            if place.isdigit() and 0 < int(place) <= len(bellows):
+                return _entry(parameters, path, name, getattr(bellows[int(place) - 1], name), rest)
+        case ["section", number, name, *rest] if name in (*_SECTION_NUMBERS, *_SECTION_VECTORS, *_SECTION_LISTS):
+            section, _ = _section(parameters, number, path)
+            value = section.resolved_inertia() if name == "inertia" else getattr(section, name)
+            return _entry(parameters, path, name, value, rest)
+    raise _unknown(parameters, path)
+
+
+def with_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmParameters:
+    """A copy of the parameters with the numbers at some paths changed. Provenance entries stay as they are.
+
+    Setting a bellows' own number states it in that bellows' table (made if the section has none); setting an entry of
+    the inertia states all three moments; setting a power beyond a polynomial's terms fills those between with zeros.
+
+    Raises:
+        ParameterError: there is no such number, or the value is not allowed in a parameter file.
+    """
+    if not values:
+        return parameters
+    mapping = parameters.to_mapping()
+    for path, value in values.items():
+        get_value(parameters, path)
+        _set(parameters, mapping, path.split("."), float(value))
+    return parameters.updated(mapping)
+
+
+def table_of(mapping: Mapping[str, Any], path: str) -> tuple[Any, str, int | None]:
+    """The table of a file's mapping that holds the number at a path, its key there, and its place in a list or None.
+
+    Used to state a provenance beside a value; the number must be stated in the mapping.
+    """
+    steps = path.split(".")
+    table: Any = mapping
+    if steps[0] in ("section", "effect"):
+        table, steps = mapping[steps[0]][int(steps[1]) - 1], steps[2:]
+    if steps[0] == "bellows":
+        table, steps = table["bellows"][int(steps[1]) - 1], steps[2:]
+    place = None if len(steps) == 1 else AXES.index(steps[1]) if steps[1] in AXES else int(steps[1]) - 1
+    return table, steps[0], place
+
+
+def _set(parameters: ArmParameters, mapping: dict[str, Any], steps: list[str], value: float) -> None:
+    if steps[:1] == ["section"]:
+        index = int(steps[1])
+        section = parameters.sections[index - 1]
+        table = mapping["section"][index - 1]
+        if steps[2] == "bellows":
+            table.setdefault("bellows", [{"angle_deg": angle} for angle in STANDARD_ANGLES_DEG])
+            inherited = vars(section.resolved_bellows(index)[int(steps[3]) - 1])
+        else:
+            inherited = {name: getattr(section, name) for name in (*_SECTION_LISTS, "center_of_mass")}
+            inherited["inertia"] = section.resolved_inertia()
+    else:
+        inherited = {name: getattr(parameters, name) for name in _ARM_VECTORS}
+    holder, name, place = table_of(mapping, ".".join(steps))
+    if place is None:
+        holder[name] = value
+        return
+    entries = list(holder.get(name, inherited[name]))
+    entries += [0.0] * (place + 1 - len(entries))
+    entries[place] = value
+    holder[name] = entries
+
+
+def _section(parameters: ArmParameters, number: str, path: str) -> tuple[Any, int]:
+    if not (number.isdigit() and 0 < int(number) <= len(parameters.sections)):
+        raise _unknown(parameters, path)
+    return parameters.sections[int(number) - 1], int(number)
+
+
+def _entry(parameters: ArmParameters, path: str, name: str, value: Any, rest: list[str]) -> float:
+    if isinstance(value, tuple):
+        if len(rest) == 1 and name in _TERMS and rest[0].isdigit() and 0 < int(rest[0]) <= _TERMS[name]:
+            return float(value[int(rest[0]) - 1]) if int(rest[0]) <= len(value) else 0.0
+        if len(rest) == 1 and name in _SECTION_VECTORS and rest[0] in AXES:
+            return float(value[AXES.index(rest[0])])
+    elif not rest and value is not None:
+        return float(value)
+    raise _unknown(parameters, path)
+
+
+def _unknown(parameters: ArmParameters, path: str) -> ParameterError:
+    return ParameterError(f"{parameters.name}: no parameter {path!r}{nearest(path, available(parameters))}")
+
+
+def _effects(mapping: Mapping[str, Any]) -> list[dict[str, Any]]:
+    effects: list[dict[str, Any]] = mapping.get("effect", [])
+    return effects
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,125 @@
+//! The class `VirtualArm`: what the paper's experiments measure instead of a real arm.
+
+use super::arrays::{any_vector, matrix, rows, shaped, small, vector};
+use super::errors::{input, to_python};
+use crate::input::{Input, Interpolation};
+use crate::parameters::ArmParameters;
+use crate::virtual_arm::{Creep, Distributed, State, VirtualArm};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+
+/// An arm with mass along its length and creep in its material.
+///
+/// `parameters_json` describes it with the masses of the head plates; `distributed` is (slices, mass, (Jx, Jy, Jz)) for
+/// each section; `creep` is (share of the linear stiffness, time constant) for each Maxwell branch.
+#[pyclass(name = "VirtualArm", module = "bha._core", frozen)]
+pub struct PyVirtualArm {
+    arm: VirtualArm,
+}
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Block<'py> = Bound<'py, PyArray2<f64>>;
+
+#[pymethods]
+impl PyVirtualArm {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        parameters_json: &str,
+        distributed: Vec<(usize, f64, [f64; 3])>,
+        creep: Vec<(f64, f64)>,
+    ) -> PyResult<Self> {
+        let parameters: ArmParameters =
+            serde_json::from_str(parameters_json).map_err(|e| input(py, format!("parameters: {e}")))?;
+        let distributed: Vec<_> =
+            distributed.into_iter().map(|(slices, mass, inertia)| Distributed { slices, mass, inertia }).collect();
+        let creep: Vec<_> = creep.into_iter().map(|(share, time_constant)| Creep { share, time_constant }).collect();
+        let arm = VirtualArm::new(&parameters, &distributed, &creep).map_err(|e| to_python(py, &e))?;
+        Ok(Self { arm })
+    }
+
+    /// Number of creep states: branches times bellows.
+    #[getter]
+    fn creep_states(&self) -> usize {
+        self.arm.creep_states()
+    }
+
+    /// Lengths (3n,) at rest under constant pressures (inputs,) and forces (n, 3) at the head plates, creep relaxed.
+    #[pyo3(signature = (p, f_ext = None))]
+    fn rest<'py>(&self, p: &Bound<'py, PyAny>, f_ext: Option<&Bound<'py, PyAny>>) -> PyResult<Vector<'py>> {
+        let (py, sections) = (p.py(), self.arm.coordinates() / 3);
+        let p = vector(p, "p", self.arm.inputs())?;
+        let f = f_ext.map(|f| matrix(f, "f_ext", (sections, 3))).transpose()?;
+        let f: Vec<[f64; 3]> = match &f {
+            Some(f) => f.as_slice()?.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
+            None => Vec::new(),
+        };
+        let state = self.arm.rest(p.as_slice()?, &f).map_err(|e| to_python(py, &e))?;
+        Ok(small(py, &state.lengths))
+    }
+
+    /// (lengths, velocities, creep) at `output_times` under sampled pressures and forces, from lengths `q` with rates
+    /// `qd` and creep states `creep` at the first of them; integrated with steps of at most `step`.
+    #[pyo3(signature = (times, pressures, forces, output_times, q, qd, creep, step))]
+    #[allow(clippy::too_many_arguments)]
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        times: &Bound<'py, PyAny>,
+        pressures: &Bound<'py, PyAny>,
+        forces: Option<&Bound<'py, PyAny>>,
+        output_times: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        creep: &Bound<'py, PyAny>,
+        step: f64,
+    ) -> PyResult<(Block<'py>, Block<'py>, Block<'py>)> {
+        let n = self.arm.coordinates();
+        if step.is_nan() || step <= 0.0 {
+            return Err(input(py, format!("step: {step}; a positive number is needed")));
+        }
+        let times = any_vector(times, "times")?.as_slice()?.to_vec();
+        let pressures = rows(pressures, "pressures", self.arm.inputs())?.as_slice()?.to_vec();
+        let forces = forces.map(|f| rows(f, "forces", n)).transpose()?;
+        let forces = match &forces {
+            Some(f) => (f.as_slice()?.to_vec(), n),
+            None => (Vec::new(), 0),
+        };
+        let outputs = any_vector(output_times, "output_times")?.as_slice()?.to_vec();
+        if outputs.windows(2).any(|w| w[1] < w[0]) {
+            return Err(input(py, "output_times: they must ascend".to_owned()));
+        }
+        let start = State {
+            lengths: vector(q, "q", n)?.as_slice()?.to_vec(),
+            velocities: vector(qd, "qd", n)?.as_slice()?.to_vec(),
+            creep: vector(creep, "creep", self.arm.creep_states())?.as_slice()?.to_vec(),
+        };
+        let drive = Input::new(times, (pressures, self.arm.inputs()), forces, Interpolation::Linear)
+            .map_err(|e| to_python(py, &e))?;
+        let mut signal: Option<PyErr> = None;
+        let result = py.detach(|| {
+            self.arm.run(&drive, &outputs, &start, step, &mut || {
+                signal = Python::attach(|py| py.check_signals()).err();
+                signal.is_some()
+            })
+        });
+        if let Some(error) = signal {
+            return Err(error);
+        }
+        let (out, m) = (result.map_err(|e| to_python(py, &e))?, outputs.len());
+        Ok((
+            shaped(py, out.lengths, [m, n])?,
+            shaped(py, out.velocities, [m, n])?,
+            shaped(py, out.creep, [m, self.arm.creep_states()])?,
+        ))
+    }
+
+    /// (kinetic, potential) energy at a state, J.
+    fn energy(&self, q: &Bound<'_, PyAny>, qd: &Bound<'_, PyAny>, creep: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> {
+        let n = self.arm.coordinates();
+        let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
+        let creep = vector(creep, "creep", self.arm.creep_states())?;
+        let [kinetic, potential] = self.arm.energy(q.as_slice()?, qd.as_slice()?, creep.as_slice()?);
+        Ok((kinetic, potential))
+    }
+}

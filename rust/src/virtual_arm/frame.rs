@@ -1,0 +1,65 @@
+//! A frame that is carried along the arm: pose, angular velocity, accelerations at q'' = 0, and its Jacobian.
+//!
+//! Source: kinematics of relative motion (Lynch & Park, *Modern Robotics*, ch. 5; any textbook of dynamics).
+//! Frame: everything in the base frame.
+
+use super::arc::ArcPoint;
+use nalgebra::{Matrix3, Vector3};
+
+/// A frame and how it moves with the coordinates below it.
+#[derive(Clone)]
+pub struct Frame {
+    pub rotation: Matrix3<f64>,
+    pub position: Vector3<f64>,
+    pub angular_velocity: Vector3<f64>,
+    /// Acceleration of the origin at q'' = 0.
+    pub bias: Vector3<f64>,
+    /// Angular acceleration at q'' = 0.
+    pub angular_bias: Vector3<f64>,
+    /// Columns of J_v, one for each coordinate up to this frame's.
+    pub linear: Vec<Vector3<f64>>,
+    /// Columns of J_w.
+    pub angular: Vec<Vector3<f64>>,
+}
+
+impl Frame {
+    /// The base of the arm, at rest.
+    pub fn base() -> Self {
+        let zero = Vector3::zeros();
+        Self {
+            rotation: Matrix3::identity(),
+            position: zero,
+            angular_velocity: zero,
+            bias: zero,
+            angular_bias: zero,
+            linear: Vec::new(),
+            angular: Vec::new(),
+        }
+    }
+
+    /// The frame fixed to this one with its origin at `offset` (in this frame).
+    pub fn shifted(&self, offset: &Vector3<f64>) -> Self {
+        let arm = self.rotation * offset;
+        let mut out = self.clone();
+        out.position += arm;
+        out.bias += self.angular_bias.cross(&arm) + self.angular_velocity.cross(&self.angular_velocity.cross(&arm));
+        for (linear, angular) in out.linear.iter_mut().zip(&self.angular) {
+            *linear += angular.cross(&arm);
+        }
+        out
+    }
+
+    /// The frame at a point of the arc that starts in this one; adds the arc's three coordinates.
+    pub fn along(&self, arc: &ArcPoint) -> Self {
+        let r = &self.rotation;
+        let mut out = self.shifted(&arc.position);
+        let turning = r * arc.angular_velocity;
+        out.rotation = r * arc.rotation;
+        out.bias += 2.0 * self.angular_velocity.cross(&(r * arc.velocity)) + r * arc.bias;
+        out.angular_bias += self.angular_velocity.cross(&turning) + r * arc.angular_bias;
+        out.angular_velocity += turning;
+        out.linear.extend(arc.linear.iter().map(|c| r * c));
+        out.angular.extend(arc.angular.iter().map(|c| r * c));
+        out
+    }
+}
