@@ -69,8 +69,11 @@ class KindPlan:
         passive: numbers that must not be negative for the effect to create no energy.
         extra: nonlinear numbers that are fitted but not tried on a grid, with their start.
         needs_heads: whether it shows in measured head positions only.
-        probes: numbers of the effects that are probed, and the strength each stands for, instead of one probe a strength.
-        begin: start of the numbers that are fitted, from the strengths of the probes; zero strength where there is none.
+        needs_lengths: whether it shows in measured lengths only.
+        grid: numbers that only serve to try probes, and are not fitted themselves.
+        probes: from the shapes the numbers of the effects that are probed, and the strength each stands for; one probe a
+            strength without it.
+        begin: start of the numbers that are fitted, from the strengths of the probes and the shapes; zero strength without it.
         numbers: see :class:`bha.diagnose.model.EffectTerm`.
     """
 
@@ -83,8 +86,10 @@ class KindPlan:
     passive: tuple[str, ...] = ()
     extra: tuple[Shape, ...] = ()
     needs_heads: bool = False
-    probes: tuple[tuple[Numbers, float], ...] = ()
-    begin: Callable[[Sequence[float]], dict[str, float]] | None = None
+    needs_lengths: bool = False
+    grid: tuple[Shape, ...] = ()
+    probes: Callable[[Numbers], list[tuple[dict[str, float], float]]] | None = None
+    begin: Callable[[Sequence[float], Numbers], dict[str, float]] | None = None
     numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
 
     @property
@@ -95,8 +100,10 @@ class KindPlan:
     def probed(self, shape: Numbers) -> list[tuple[dict[str, float], float]]:
         """Numbers of the effects to probe, with the strength each stands for."""
         rest = {**self.fixed, **{s.name: s.grid[0] for s in self.extra}, **shape}
-        if self.probes:
-            return [(self.numbers({**rest, **numbers}), size) for numbers, size in self.probes]
+        if self.probes is not None:
+            names = {g.name for g in self.grid}
+            rest = {k: v for k, v in rest.items() if k not in names}
+            return [(self.numbers({**rest, **numbers}), size) for numbers, size in self.probes(shape)]
         if not self.strengths:
             return [(self.numbers(rest), 1.0)]
         zero = {s.name: 0.0 for s in self.strengths}
@@ -107,7 +114,7 @@ class KindPlan:
     def shape_grid(self) -> list[dict[str, float]]:
         """All combinations of the shapes' grids."""
         combinations: list[dict[str, float]] = [{}]
-        for shape in self.shapes:
+        for shape in (*self.shapes, *self.grid):
             combinations = [{**c, shape.name: value} for c in combinations for value in shape.grid]
         return combinations
 
@@ -145,7 +152,7 @@ class Candidate:
         coordinates: list[Coordinate] = []
         start: list[float] = []
         where = f"{self.kind} at {self.where}"
-        begin = self.plan.begin(strengths) if self.plan.begin is not None else {}
+        begin = self.plan.begin(strengths, self.shape) if self.plan.begin is not None else {}
         for number, strength in enumerate(self.plan.strengths):
             unit, low, high = ranges(self.kind, strength.name)
             expected = begin.get(strength.name, strengths[number] if number < len(strengths) else 0.0)
@@ -243,9 +250,11 @@ TAU_GRID = (0.1, 0.35, 1.2, 4.0, 15.0)
 DIRECTIONS = tuple(k * math.pi / 4.0 for k in range(8))
 PAYLOAD_PROBE, PAYLOAD_OFFSET = 0.01, 0.05
 HOSE_PROBE, HOSE_REACH = 0.5, 0.3
+#: A time constant that is none, s.
+AT_ONCE = 1e-4
 
 
-def _payload_start(strengths: Sequence[float]) -> dict[str, float]:
+def _payload_start(strengths: Sequence[float], shape: Numbers) -> dict[str, float]:
     """Mass and place from the strengths of the four probes: a mass at the head's origin, and shifted along x, y, z."""
     mass = float(sum(strengths))
     if abs(mass) < 1e-3:
@@ -254,7 +263,7 @@ def _payload_start(strengths: Sequence[float]) -> dict[str, float]:
     return {"mass": min(max(mass, -0.3), 1.0), **{a: min(max(v, -0.1), 0.1) for a, v in shift.items()}}
 
 
-def _hose_start(strengths: Sequence[float]) -> dict[str, float]:
+def _hose_start(strengths: Sequence[float], shape: Numbers) -> dict[str, float]:
     """Spring and anchor from the strengths of its probes, anchored at the origin and shifted along x, y, z."""
     stiffness = float(sum(strengths[:4]))
     if stiffness < 0.5:
@@ -268,6 +277,37 @@ def _hose_start(strengths: Sequence[float]) -> dict[str, float]:
         "anchor_y": anchor[1],
         "anchor_z": anchor[2],
     }
+
+
+def _payload_probes(shape: Numbers) -> list[tuple[dict[str, float], float]]:
+    places: list[dict[str, float]] = [{}, *({a: PAYLOAD_OFFSET} for a in "xyz")]
+    return [({"mass": PAYLOAD_PROBE, **place}, PAYLOAD_PROBE) for place in places]
+
+
+def _hose_probes(shape: Numbers) -> list[tuple[dict[str, float], float]]:
+    nothing = {"stiffness": 0.0, "damping": 0.0, "drag": 0.0}
+    anchors: list[dict[str, float]] = [{}, *({f"anchor_{a}": HOSE_REACH} for a in "xyz")]
+    springs = [({**nothing, "stiffness": HOSE_PROBE, **anchor}, HOSE_PROBE) for anchor in anchors]
+    return [*springs, ({**nothing, "damping": 0.02}, 0.02), ({**nothing, "drag": 0.02}, 0.02)]
+
+
+def _lag_probes(shape: Numbers) -> list[tuple[dict[str, float], float]]:
+    """Filling alone and venting alone behind, the other at once."""
+    tau = shape["tau"]
+    return [({"fill": tau, "vent": AT_ONCE}, 1.0), ({"fill": AT_ONCE, "vent": tau}, 1.0)]
+
+
+def _lag_start(strengths: Sequence[float], shape: Numbers) -> dict[str, float]:
+    fill, vent = (shape["tau"] * min(max(float(s), 0.1), 3.0) for s in strengths)
+    return {"fill": fill, "vent": vent}
+
+
+def _torsion_probes(shape: Numbers) -> list[tuple[dict[str, float], float]]:
+    return [({"stiffness": shape["trial"]}, 1.0)]
+
+
+def _torsion_start(strengths: Sequence[float], shape: Numbers) -> dict[str, float]:
+    return {"stiffness": shape["trial"] / min(max(float(strengths[0]), 1e-3), 1e3)}
 
 
 def _wall(numbers: Mapping[str, float]) -> dict[str, float]:
@@ -314,10 +354,7 @@ PLANS: tuple[KindPlan, ...] = (
         ("section",),
         (Strength("mass", 0.1, signed=True),),
         extra=tuple(Shape(a, (0.0,), logarithmic=False, spread=0.05) for a in "xyz"),
-        probes=(
-            ({"mass": PAYLOAD_PROBE}, PAYLOAD_PROBE),
-            *(({"mass": PAYLOAD_PROBE, a: PAYLOAD_OFFSET}, PAYLOAD_PROBE) for a in "xyz"),
-        ),
+        probes=_payload_probes,
         begin=_payload_start,
     ),
     KindPlan("base_tilt", ("all",), (Strength("about_x", 0.05, signed=True), Strength("about_y", 0.05, signed=True))),
@@ -327,12 +364,7 @@ PLANS: tuple[KindPlan, ...] = (
         (Strength("stiffness", 10.0), Strength("damping", 0.5), Strength("drag", 0.2)),
         extra=tuple(Shape(f"anchor_{a}", (0.0,), logarithmic=False, spread=0.5) for a in "xyz"),
         passive=("stiffness", "damping", "drag"),
-        probes=(
-            ({"stiffness": HOSE_PROBE, "damping": 0.0, "drag": 0.0}, HOSE_PROBE),
-            *(({"stiffness": HOSE_PROBE, "damping": 0.0, "drag": 0.0, f"anchor_{a}": HOSE_REACH}, HOSE_PROBE) for a in "xyz"),
-            ({"stiffness": 0.0, "damping": 0.02, "drag": 0.0}, 0.02),
-            ({"stiffness": 0.0, "damping": 0.0, "drag": 0.02}, 0.02),
-        ),
+        probes=_hose_probes,
         begin=_hose_start,
     ),
     KindPlan(
@@ -346,6 +378,34 @@ PLANS: tuple[KindPlan, ...] = (
         numbers=_wall,
     ),
     KindPlan("work_conjugate", ("all",), ()),
+    KindPlan(
+        "pressure_lag",
+        INPUT,
+        (),
+        parts="input",
+        extra=(Shape("fill", (0.06,)), Shape("vent", (0.06,))),
+        grid=(Shape("tau", (0.01, 0.04, 0.15, 0.6)),),
+        probes=_lag_probes,
+        begin=_lag_start,
+    ),
+    KindPlan("delay", ("all",), (Strength("time", 0.02),)),
+    KindPlan("valve_dead_band", INPUT, (), (Shape("band", (300.0, 1000.0, 3000.0, 8000.0)),), parts="input"),
+    KindPlan("pressure_offset", ("input",), (Strength("offset", 2e3, signed=True),)),
+    KindPlan("pressure_gain", ("input",), (Strength("gain", 0.05, signed=True),)),
+    KindPlan("length_offset", ("length",), (Strength("offset", 3e-3, signed=True),), needs_lengths=True),
+    KindPlan("length_gain", ("length",), (Strength("gain", 0.03, signed=True),), needs_lengths=True),
+    KindPlan(
+        "torsion",
+        SECTION,
+        (),
+        parts="section",
+        extra=(Shape("stiffness", (10.0,)),),
+        grid=(Shape("trial", (10.0,)),),
+        probes=_torsion_probes,
+        begin=_torsion_start,
+        needs_heads=True,
+    ),
+    KindPlan("non_constant_curvature", SECTION, (Strength("asymmetry", 0.2, signed=True),), parts="section", needs_heads=True),
 )
 
 

@@ -218,7 +218,14 @@ def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tup
         return 0.0, tuple(0.0 for _ in right), np.inf
     parts = vectors[:, alive]
     strengths = (parts @ ((parts.T @ (right / scale)) / values[alive])) / scale
-    allowed = [s.signed for s in candidate.plan.strengths] if candidate.plan.strengths else [False]
-    if len(strengths) == 1 and not allowed[0] and strengths[0] < 0.0:
-        return 0.0, (0.0,), float(1.0 / scale[0])
-    return float(right @ strengths), tuple(float(s) for s in strengths), float(1.0 / scale[0])
+    plan = candidate.plan
+    deviation = float(1.0 / scale[0])
+    if len(right) == 1 and not plan.strengths and plan.begin is None:
+        # The probe is the whole effect: it counts with about its own strength.
+        strength = min(max(float(right[0] / normal[0, 0]), 0.5), 2.0)
+        value = 2.0 * strength * float(right[0]) - strength**2 * float(normal[0, 0])
+        return max(0.0, value), (strength,), deviation
+    signed = plan.strengths[0].signed if plan.strengths else False
+    if len(right) == 1 and not signed and strengths[0] < 0.0:
+        return 0.0, (0.0,), deviation
+    return float(right @ strengths), tuple(float(s) for s in strengths), deviation

@@ -102,7 +102,8 @@ def run(
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
     ranges = catalogue.core_ranges()
-    plans = [p for p in catalogue.available() if not p.needs_heads or _heads_measured(train)]
+    heads, lengths = _measured(train)
+    plans = [p for p in catalogue.available() if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
         signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share))
@@ -143,8 +144,10 @@ def _records(
     return (train, held) if held else split(train)
 
 
-def _heads_measured(records: Sequence[Record]) -> bool:
-    return any(not c.startswith("q") for c in records[0].channels)
+def _measured(records: Sequence[Record]) -> tuple[bool, bool]:
+    """Whether head positions and whether lengths were measured."""
+    lengths = [c.startswith("q") for c in records[0].channels]
+    return not all(lengths), any(lengths)
 
 
 def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], engine: Engine) -> Holdout:
