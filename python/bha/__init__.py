@@ -14,6 +14,7 @@ from bha.errors import (
     ParameterError,
     SimulationError,
 )
+from bha.log import Log
 from bha.simulation import Input, Options, Simulation, simulate
 from bha.trajectory import Trajectory, TrajectoryWriter
 
@@ -24,6 +25,7 @@ __all__ = [
     "ConvergenceError",
     "Input",
     "InputError",
+    "Log",
     "LogError",
     "MissingExtraError",
     "Options",
