@@ -12,13 +12,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.interpolate import CubicSpline
 from scipy.signal import firwin
 
 from bha import _core, names
 from bha.diagnose.engine import Engine, Job
 from bha.diagnose.fit import Fit, Problem, evaluate, improve
 from bha.diagnose.model import Model
-from bha.diagnose.noise import TOP_FREQUENCY, NoiseModel, Whitener, noise_model
+from bha.diagnose.noise import (
+    QUIET_FREQUENCY,
+    TOP_FREQUENCY,
+    NoiseModel,
+    SensorNoise,
+    Whitener,
+    frequencies,
+    noise_model,
+    sensor_noise,
+)
 from bha.diagnose.records import Record
 from bha.errors import ConvergenceError
 
@@ -38,12 +49,14 @@ class Prepared:
 
     Attributes:
         records: thinned logs.
+        full: the logs as they were.
         states: first guess of the initial states.
         step: step of the integration, s.
         step_error: RMS difference to half the step, m.
     """
 
     records: tuple[Record, ...]
+    full: tuple[Record, ...]
     states: tuple[Array, ...]
     step: float
     step_error: float
@@ -118,9 +131,9 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
         if np.isfinite(error):
             last = error
             if error <= STEP_ERROR_SHARE * noise or (factor == 1 and step <= sample / 32):
-                return Prepared(thinned, states, step, error)
+                return Prepared(thinned, tuple(records), states, step, error)
     if np.isfinite(last):
-        return Prepared(thinned, states, step, last)
+        return Prepared(thinned, tuple(records), states, step, last)
     raise ConvergenceError(
         "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
         "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"
@@ -146,6 +159,38 @@ def disturbed_outputs(
         if np.any(record.pressure_noise > 0.0):
             draws = [np.nan_to_num(next(outputs) - y) for _ in range(DRAWS)]
         result.append(draws)
+    return result
+
+
+def sensors_of(prepared: Prepared, outputs: Sequence[Array]) -> list[SensorNoise]:
+    """Noise of each output, coloured where the spectrum above the arm's motion says so; alike for one kind of sensor.
+
+    The residual is taken at all rows of the logs, the simulation interpolated between its own: it is smooth.
+    """
+    records = prepared.full
+    white = np.sqrt(np.mean([r.noise**2 for r in records], axis=0))
+    result = [SensorNoise(float(v)) for v in white]
+    sample_time = float(np.median([r.sample_time for r in records]))
+    top = 0.47 / sample_time
+    if top < 2.0 * QUIET_FREQUENCY:
+        return result
+    channels = records[0].channels
+    edges = np.linspace(QUIET_FREQUENCY, top, 60)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    for group in ([k for k, c in enumerate(channels) if c.startswith("q")], [k for k, c in enumerate(channels) if not c.startswith("q")]):
+        if not group:
+            continue
+        sums, counts = np.zeros(len(centres)), np.zeros(len(centres))
+        for record, thinned, y in zip(records, prepared.records, outputs, strict=True):
+            smooth = CubicSpline(thinned.output_time, y[:, group])(record.output_time)
+            power = np.mean((dct(record.outputs[:, group] - smooth, axis=0, norm="ortho") / white[group]) ** 2, axis=1)
+            place = np.searchsorted(edges, frequencies(len(record.rows), sample_time)) - 1
+            inside = (place >= 0) & (place < len(centres))
+            np.add.at(sums, place[inside], power[inside])
+            np.add.at(counts, place[inside], 1.0)
+        found = sensor_noise(sums / np.maximum(counts, 1.0), centres, sample_time, 1.0)
+        for k in group:
+            result[k] = SensorNoise(float(white[k]) * found.deviation, found.share, found.time)
     return result
 
 
@@ -179,7 +224,7 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int) ->
     problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine)
     fit = improve(problem, evaluate(problem, model, x, prepared.states), iterations=8, tolerance=0.02, renewals=1)
     disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
-    noise = noise_model(records, disturbed)
+    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs))
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine)
     fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=8, tolerance=2e-3, renewals=2)
     return Baseline(problem, noise, fit, prepared)

@@ -59,8 +59,8 @@ class GapTest:
     significant: bool
 
 
-def gap_test(problem: Problem, holdout: Holdout, fit: Fit, prediction: Prediction, noise_rms: float, limits: Limits) -> GapTest:
-    """Test the gap of the plain model ``fit`` on the held-out logs."""
+def gap_test(problem: Problem, holdout: Holdout, fit: Fit, prediction: Prediction, ratio: float, limits: Limits) -> GapTest:
+    """Test the gap of the plain model ``fit`` on the held-out logs; ``ratio`` is its RMS error over the noise's."""
     held = holdout.problem
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
@@ -75,7 +75,6 @@ def gap_test(problem: Problem, holdout: Holdout, fit: Fit, prediction: Predictio
     deviation = np.sqrt(2.0 / per_block / max(blocks, 1)) * 2.0
     expected = 1.0 + parameters
     limit = expected * (1.0 + limits.model) + limits.deviations * deviation
-    ratio = prediction.rms / max(noise_rms, 1e-12)
     significant = prediction.mean_square > limit and ratio > limits.material
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)
 
@@ -95,11 +94,10 @@ class Verdict:
     closure: float
 
 
-def decide(search: Search, gap: GapTest, noise_rms: float, limits: Limits) -> Verdict:
-    """The verdict on a finished or interrupted search."""
+def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict:
+    """The verdict on a finished or interrupted search; ``left`` is the best set's RMS error over the noise's."""
     before, after = excess(search.plain.prediction), excess(search.best.prediction)
     closure = 1.0 - after / before if before > 0.0 else 0.0
-    left = search.best.prediction.rms / max(noise_rms, 1e-12)
     if not gap.significant:
         return Verdict(
             "no_gap",

@@ -28,15 +28,17 @@ def _plotly() -> Any:
     return import_extra("plotly.graph_objects", extra="report", purpose="The report of a diagnosis")
 
 
-def _layout(figure: Any, height: int, **more: Any) -> Any:
+def _layout(figure: Any, height: int, *, titled: bool = False, **more: Any) -> Any:
     figure.update_layout(
         template="plotly_white",
         height=height,
-        margin={"l": 60, "r": 20, "t": 30, "b": 50},
+        margin={"l": 60, "r": 20, "t": 60 if titled else 34, "b": 50},
         font={"family": "system-ui, sans-serif", "size": 13},
-        legend={"orientation": "h", "y": 1.12, "x": 0},
+        # Above the titles of the panels, whatever the height.
+        legend={"orientation": "h", "yanchor": "bottom", "y": 1.0 + (30.0 if titled else 4.0) / (height - 100.0), "x": 0},
         **more,
     )
+    figure.update_yaxes(automargin=True)
     return figure
 
 
@@ -105,7 +107,7 @@ def region_figure(rows: Sequence[dict[str, Any]]) -> Any:
         figure.add_trace(line, row=k // 2 + 1, col=k % 2 + 1)
         figure.update_xaxes(title=r["unit"], row=k // 2 + 1, col=k % 2 + 1)
     figure.update_yaxes(rangemode="tozero")
-    return _layout(figure, 230 * max(1, -(-len(shown) // 2)))
+    return _layout(figure, 230 * max(1, -(-len(shown) // 2)), titled=True)
 
 
 def candidates_figure(found: Diagnosis) -> Any:
@@ -160,7 +162,7 @@ def trace_figure(outcome: Outcome) -> Any:
             figure.add_trace(line, row=row, col=1)
         figure.update_yaxes(title="mm", row=row, col=1)
     figure.update_xaxes(title=f"time, s ({escape(record.name)})", row=len(worst), col=1)
-    return _layout(figure, 200 * len(worst) + 60)
+    return _layout(figure, 200 * len(worst) + 60, titled=True)
 
 
 def error_figure(outcome: Outcome) -> Any:
@@ -253,7 +255,7 @@ def arm_figure(outcome: Outcome) -> Any:
             }
         ],
     )
-    return _layout(figure, 560).update_layout(margin={"l": 50, "r": 20, "t": 40, "b": 150})
+    return _layout(figure, 560, titled=True).update_layout(margin={"l": 50, "r": 20, "t": 70, "b": 150})
 
 
 def _backbone(arm: Any, channels: Sequence[str], outputs: Array) -> Array:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
+from scipy.optimize import minimize
 
 from bha.diagnose.records import Record
 
@@ -24,8 +25,61 @@ Array = NDArray[np.float64]
 
 #: Above this no bellows arm moves by more than its noise, Hz.
 TOP_FREQUENCY = 30.0
+#: Above this the outputs hold no motion to speak of, so that their spectrum is that of the sensors, Hz.
+QUIET_FREQUENCY = 15.0
+#: Least gain of the mean log-likelihood at which noise counts as coloured.
+COLOUR_GAIN = 0.02
 #: Fewest coefficients of one log in a band.
 BAND_COEFFICIENTS = 12
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Noise of one output: a white part and, perhaps, a first-order one.
+
+    Attributes:
+        deviation: standard deviation of both together, m.
+        share: share of the variance that is coloured.
+        time: correlation time of that part, s.
+    """
+
+    deviation: float
+    share: float = 0.0
+    time: float = 0.0
+
+    def density(self, frequency: Array, sample_time: float) -> Array:
+        """Spectrum over that of white noise of the same variance."""
+        if self.share <= 0.0:
+            return np.ones_like(frequency)
+        return np.asarray(1.0 - self.share + self.share * ar1_density(frequency, sample_time, self.time))
+
+
+def sensor_noise(spectra: Array, frequency: Array, sample_time: float, white: float) -> SensorNoise:
+    """White or coloured noise, from the spectrum of residuals above the arm's motion, by Whittle's likelihood.
+
+    Args:
+        spectra: squares of cosine coefficients, averaged over channels and logs that share a kind of sensor, shape (k,), m^2.
+        frequency: their frequencies, Hz: only such at which the arm does not move.
+        sample_time: of the sensor, s.
+        white: standard deviation if the noise is white, m.
+    """
+    # Averages over bins: the likelihood then is that of chi-squared means, whatever their number of degrees.
+    def loss(x: Array) -> float:
+        variance, share, time = np.exp(x[0]), 1.0 / (1.0 + np.exp(-x[1])), np.exp(x[2])
+        density = variance * (1.0 - share + share * ar1_density(frequency, sample_time, time))
+        return float(np.mean(np.log(density) + spectra / density))
+
+    plain = float(np.mean(np.log(np.mean(spectra)) + 1.0))
+    best: tuple[float, Array] | None = None
+    for start in (0.01, 0.03, 0.1):
+        found = minimize(loss, [np.log(np.mean(spectra)), 0.0, np.log(start)], method="Nelder-Mead", options={"maxiter": 400})
+        if best is None or found.fun < best[0]:
+            best = (float(found.fun), np.asarray(found.x))
+    assert best is not None
+    share, time = 1.0 / (1.0 + np.exp(-best[1][1])), float(np.exp(best[1][2]))
+    if (plain - best[0]) < COLOUR_GAIN or share < 0.1 or not sample_time < time < 0.5:
+        return SensorNoise(white)
+    return SensorNoise(float(np.exp(0.5 * best[1][0])), float(share), time)
 
 
 @dataclass(frozen=True)
@@ -37,14 +91,14 @@ class NoiseModel:
         covariance: covariance of one cosine coefficient in each band, m^2, shape (b, channels, channels).
         sensor: standard deviation of the output sensors, m, shape (channels,).
         pressure_part: RMS of what the pressure noise does to each output, m, shape (channels,).
-        colour: share of the sensors' variance that is coloured and its correlation time, s; (0, 0) for white noise.
+        colours: of each output the share of the sensor's variance that is coloured, and its correlation time, s; (0, 0) for white noise.
     """
 
     edges: Array
     covariance: Array
     sensor: Array
     pressure_part: Array
-    colour: tuple[float, float] = (0.0, 0.0)
+    colours: tuple[tuple[float, float], ...] = ()
 
     @property
     def floor(self) -> Array:
@@ -76,21 +130,21 @@ def ar1_density(frequency: Array, sample_time: float, time: float) -> Array:
 def noise_model(
     records: Sequence[Record],
     disturbed: Sequence[Sequence[Array]],
-    colour: tuple[float, float] = (0.0, 0.0),
-    sensor: Array | None = None,
+    sensors: Sequence[SensorNoise] | None = None,
 ) -> NoiseModel:
     """The noise model from the records' sensor noise and what draws of pressure noise do to the simulated outputs.
 
     Args:
         records: the logs.
         disturbed: per log, per draw, the change of the outputs (rows, channels), m.
-        colour: share of the variance of the output noise that is coloured, and its correlation time, s.
-        sensor: standard deviation of the output noise, m; that of the records if None.
+        sensors: noise of each output; white, as the records have it, if None.
     """
     top = min(TOP_FREQUENCY, *(0.5 / record.sample_time for record in records))
     edges = band_edges(max(float(np.ptp(r.output_time)) for r in records), top)
     channels = len(records[0].channels)
-    sensor = np.sqrt(np.mean([r.noise**2 for r in records], axis=0)) if sensor is None else sensor
+    if sensors is None:
+        sensors = [SensorNoise(float(v)) for v in np.sqrt(np.mean([r.noise**2 for r in records], axis=0))]
+    sensor = np.array([s.deviation for s in sensors])
     sums, counts = np.zeros((len(edges), channels, channels)), np.zeros(len(edges))
     pressure_squares: list[Array] = []
     for record, draws in zip(records, disturbed, strict=True):
@@ -104,16 +158,13 @@ def noise_model(
             pressure_squares.append(np.mean(change**2, axis=0))
     covariance = sums / np.maximum(counts, 1.0)[:, None, None]
     centres = np.sqrt(np.concatenate([[0.3 * edges[0]], edges[:-1]]) * np.where(np.isinf(edges), 2.0 * top, edges))
-    share, time = colour
     sample_time = float(np.median([r.sample_time / r.thinning for r in records]))
-    shape = np.ones(len(edges))
-    if share > 0.0:
-        shape = 1.0 - share + share * ar1_density(centres, sample_time, time)
+    shape = np.stack([s.density(centres, sample_time) for s in sensors], axis=1)
     # Within the band that is left, thinning divides the variance of a coefficient.
     thinning = float(np.mean([r.thinning for r in records]))
-    covariance += np.einsum("b,ij->bij", shape, np.diag(sensor**2 / thinning))
+    covariance += np.einsum("bi,ij->bij", shape * sensor**2 / thinning, np.eye(channels))
     pressure_part = np.sqrt(np.mean(pressure_squares, axis=0)) if pressure_squares else np.zeros(channels)
-    return NoiseModel(edges, covariance, np.asarray(sensor), pressure_part, colour)
+    return NoiseModel(edges, covariance, sensor, pressure_part, tuple((s.share, s.time) for s in sensors))
 
 
 class Whitener:

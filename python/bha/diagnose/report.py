@@ -31,7 +31,7 @@ h1 { font-size: 1.5rem; margin: 0.2rem 0; } h2 { font-size: 1.15rem; margin: 1.6
 .soft { color: var(--soft); } .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.92rem; } th, td { text-align: left; padding: 0.25rem 0.7rem 0.25rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 .grid { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0.8rem; }
-.figure { min-width: 0; }
+.figure { min-width: 0; width: 100%; overflow: hidden; }
 @media (max-width: 720px) { .grid { grid-template-columns: minmax(0, 1fr); } body { padding: 0.6rem; } }
 """
 
@@ -102,8 +102,9 @@ class _Figures:
     def script(self) -> str:
         drawn = ",".join(self._json)
         return (
-            f"const figures=[{drawn}];figures.forEach((f,i)=>Plotly.newPlot('figure'+i,"
-            "{data:f.data,layout:f.layout,frames:f.frames||[],config:{responsive:true,displaylogo:false}}));"
+            f"const figures=[{drawn}];figures.forEach((f,i)=>{const d=document.getElementById('figure'+i);"
+            "Plotly.newPlot(d,{data:f.data,layout:{...f.layout,width:d.clientWidth},frames:f.frames||[],config:{displayModeBar:false}});"
+            "new ResizeObserver(()=>Plotly.relayout(d,{width:d.clientWidth})).observe(d);});"
         )
 
 

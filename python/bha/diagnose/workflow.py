@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bha.diagnose import catalogue, excitation
 from bha.diagnose.baseline import Baseline, Prepared, first_state, fit_baseline, prepare_runs, thin
 from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
-from bha.diagnose.engine import Engine
+from bha.diagnose.engine import Engine, Job
 from bha.diagnose.fit import Problem, with_sensitivities
 from bha.diagnose.holdout import Holdout
 from bha.diagnose.intervals import confidences, intervals
@@ -95,9 +95,10 @@ def run(
     prediction = holdout.predict(plain_fit.model, plain_fit.x)
     first = Trial((), plain_fit, prediction)
     state = Search(first, first)
-    noise_rms = _noise_rms(baseline, holdout)
+    noise_rms = _noise_rms(baseline)
     say("testing the gap")
-    gap = gap_test(problem, holdout, plain_fit, prediction, noise_rms, limits)
+    before = open_loop_error(held, engine, first)
+    gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits)
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
@@ -116,13 +117,15 @@ def run(
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    verdict = decide(state, gap, noise_rms, limits)
+    after = open_loop_error(held, engine, state.best) if state.best.candidates else before
+    verdict = decide(state, gap, after / noise_rms, limits)
+    errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
     final = state.best if verdict.verdict == "named" else state.plain
     fit = final.fit if final is state.plain else with_sensitivities(problem, final.fit)
     uncertainty = intervals(problem, fit, seed)
     diagnosis = _describe(
-        baseline, holdout, state, signatures, gap, verdict, where, replace(final, fit=fit), uncertainty, noise_rms, seed, (train, held)
+        baseline, holdout, state, signatures, gap, verdict, where, replace(final, fit=fit), uncertainty, (noise_rms, *errors), seed, (train, held)
     )
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
     return Outcome(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
@@ -161,18 +164,21 @@ def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], eng
     return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states)
 
 
-def _noise_rms(baseline: Baseline, holdout: Holdout) -> float:
-    """Open-loop RMS error of a right model on the held-out logs, m: sensor noise of the thinned rows and pressure noise."""
-    squares = []
-    for record in holdout.problem.records:
-        thinned = thinned_noise(record)
-        squares.append(np.mean(thinned**2 + baseline.noise.pressure_part**2))
-    return float(np.sqrt(np.mean(squares)))
+def _noise_rms(baseline: Baseline) -> float:
+    """Open-loop RMS error of a right model on all rows of a log, m: sensor noise and what pressure noise does."""
+    return float(np.sqrt(np.mean(baseline.noise.floor**2)))
 
 
-def thinned_noise(record: Record) -> Array:
-    """Noise of the compared rows: thinning filters part of it away."""
-    return np.asarray(record.noise * np.sqrt(record.noise_share))
+def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial) -> float:
+    """Open-loop RMS error on all rows of the held-out logs, m; from the initial states of the trial's prediction."""
+    arm = trial.fit.model.arm(trial.fit.x)
+    outputs = engine.run([Job(arm, r, s) for r, s in zip(records, trial.prediction.states, strict=True)])
+    squares, count = 0.0, 0
+    for record, y in zip(records, outputs, strict=True):
+        error = (record.outputs - y)[record.good]
+        squares += float(np.sum(error**2)) if np.all(np.isfinite(error)) else np.inf
+        count += error.size
+    return min(float(np.sqrt(squares / max(count, 1))), 1e6)
 
 
 def _describe(
@@ -185,7 +191,7 @@ def _describe(
     where: dict[str, Any],
     final: Trial,
     uncertainty: Sequence[tuple[float, float]],
-    noise_rms: float,
+    errors: tuple[float, float, float],
     seed: int,
     records: tuple[Sequence[Record], Sequence[Record]],
 ) -> Diagnosis:
@@ -211,9 +217,9 @@ def _describe(
             "reason": verdict.reason,
             "effects": effects,
             "gap": Gap(
-                noise=noise_rms,
-                before=min(state.plain.prediction.rms, 1e6),
-                after=min(final.prediction.rms, 1e6),
+                noise=errors[0],
+                before=errors[1],
+                after=errors[2],
                 holdout=[r.name for r in held],
                 significant=gap.significant,
                 excess=max(0.0, min(gap.mean_square - gap.expected, 1e12)),
