@@ -126,6 +126,7 @@ class Simulation:
         NDArray[np.float64],
         NDArray[np.float64],
         NDArray[np.float64],
+        NDArray[np.float64] | None,
         SimulationError | None,
     ]: ...
     @property

@@ -98,8 +98,8 @@ class Arm(_core.Arm):
         """A new arm with these effects in place of its own ones; ``[]`` takes all away.
 
         Args:
-            effects: :class:`bha.parameters.EffectParameters`, or mappings with the keys of an ``[[effect]]`` table. To add
-                one: ``arm.with_effects([*arm.parameters.effects, {"kind": "creep", ...}])``.
+            effects: :class:`bha.parameters.EffectParameters`, or mappings with the keys of an ``[[effect]]`` table.
+                To add one: ``arm.with_effects([*arm.parameters.effects, {"kind": "creep", ...}])``.
 
         Raises:
             ParameterError: an effect that is not allowed.

@@ -126,7 +126,7 @@ class Simulation:
                 until then.
         """
         times = np.asarray(times, dtype=np.float64)
-        lengths, velocities, pressures, heads, failure = self._core.advance(times)
+        lengths, velocities, pressures, heads, measured, failure = self._core.advance(times)
         rows = len(lengths)
         before, self._counts = self._counts, self._core.statistics
         names = ("steps", "rejected_steps", "evaluations")
@@ -136,6 +136,7 @@ class Simulation:
             velocities=velocities,
             pressures=pressures,
             head_positions=heads.reshape(rows, -1, 3),
+            measured_lengths=measured,
             input_names=self.arm.inputs,
             statistics={n: a - b for n, a, b in zip(names, self._counts, before, strict=True)},
             arm_name=self.arm.name,
@@ -271,12 +272,15 @@ def concatenate(pieces: Sequence[Trajectory]) -> Trajectory:
     if len(pieces) == 1:
         return pieces[0]
     first = pieces[0]
+    # A piece without rows has no measured lengths either.
+    measured = [p.measured_lengths for p in pieces if p.measured_lengths is not None]
     return Trajectory(
         time=np.concatenate([p.time for p in pieces]),
         lengths=np.concatenate([p.lengths for p in pieces]),
         velocities=np.concatenate([p.velocities for p in pieces]),
         pressures=np.concatenate([p.pressures for p in pieces]),
         head_positions=np.concatenate([p.head_positions for p in pieces]),
+        measured_lengths=np.concatenate(measured) if measured else None,
         input_names=first.input_names,
         statistics={key: sum(p.statistics[key] for p in pieces) for key in first.statistics},
         arm_name=first.arm_name,

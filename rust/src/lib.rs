@@ -41,3 +41,8 @@ pub mod real;
 pub mod simulate;
 pub mod table;
 pub mod virtual_arm;
+
+/// The examples of the documentation that are Rust.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/effects.md")]
+struct Documentation;

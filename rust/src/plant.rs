@@ -3,6 +3,8 @@
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
+use crate::effects::pressures::PressureChain;
+use crate::effects::sensors::Sensors;
 use crate::input::{Cursor, Input};
 use crate::integrate::System;
 use crate::kinematics::arc::PSI_MAX;
@@ -23,6 +25,10 @@ pub struct Plant<T = f64> {
     cursor: Cursor,
     jump_cursor: Cursor,
     step_end: f64,
+    /// Set up when the first step begins, where the arm has effects on pressures or on sensors.
+    chain: Option<PressureChain<T>>,
+    sensors: Option<Sensors<T>>,
+    begun: bool,
 }
 
 impl<T: Real> Plant<T> {
@@ -30,7 +36,29 @@ impl<T: Real> Plant<T> {
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
         let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
         let (cursor, jump_cursor) = (Cursor::default(), Cursor::default());
-        Self { arm, input, ws, pressures, cursor, jump_cursor, step_end: f64::INFINITY }
+        let step_end = f64::INFINITY;
+        Self { arm, input, ws, pressures, cursor, jump_cursor, step_end, chain: None, sensors: None, begun: false }
+    }
+
+    /// Whether sensors of lengths are modelled.
+    pub fn has_sensors(&self) -> bool {
+        self.sensors.is_some()
+    }
+
+    /// The run begins at (`t`, `x`), with the effects' hidden states at rest. The first step calls it if nobody did.
+    pub fn begin(&mut self, t: f64, x: &[T]) {
+        self.begun = true;
+        self.chain = PressureChain::new(&self.arm, &self.input, t);
+        self.sensors = Sensors::new(&self.arm, t, x);
+    }
+
+    /// Lengths as their sensors have them at (`t`, `x`), within the last step, into `out`: the true ones where no sensor
+    /// is modelled.
+    pub fn measured_lengths_into(&self, t: f64, x: &[T], out: &mut [T]) {
+        match &self.sensors {
+            Some(sensors) => sensors.measure(&self.arm, t, x, out),
+            None => out.copy_from_slice(&x[..out.len()]),
+        }
     }
 
     /// Reads the inputs at `t` into the work space.
@@ -40,6 +68,9 @@ impl<T: Real> Plant<T> {
         let place = self.input.weight(t, t >= self.step_end, &mut self.cursor);
         for (j, p) in self.pressures.iter_mut().enumerate() {
             *p = T::from_f64(self.input.pressure(place, j));
+        }
+        if let Some(chain) = &mut self.chain {
+            chain.acting(&self.arm, &self.input, t, &mut self.pressures);
         }
         if self.input.has_forces() {
             for (i, f) in self.ws.external.iter_mut().enumerate() {
@@ -53,12 +84,24 @@ impl<T: Real> System<T> for Plant<T> {
     #[inline(always)]
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
         self.step_end = t1;
+        if !self.begun {
+            self.begin(t0, x0);
+        }
+        if let Some(chain) = &mut self.chain {
+            chain.begin_step(&self.arm, &self.input, t0, t1);
+        }
         self.ws.effects.begin_step(&self.arm, t0, x0);
     }
 
     #[inline(always)]
     fn end_step(&mut self, t1: f64, x1: &[T]) {
         self.ws.effects.end_step(&self.arm, t1, x1);
+        if let Some(chain) = &mut self.chain {
+            chain.end_step(&self.arm, &self.input, t1);
+        }
+        if let Some(sensors) = &mut self.sensors {
+            sensors.end_step(t1, x1);
+        }
     }
 
     #[inline(always)]
@@ -76,7 +119,11 @@ impl<T: Real> System<T> for Plant<T> {
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        self.input.next_jump(t, &mut self.jump_cursor)
+        let jump = self.input.next_jump(t, &mut self.jump_cursor);
+        match &self.chain {
+            Some(chain) => jump.min(chain.next_jump(&self.input, t)),
+            None => jump,
+        }
     }
 
     fn objection(&self, x: &[T]) -> Option<String> {

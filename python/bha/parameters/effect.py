@@ -228,8 +228,7 @@ def check_effects(effects: Sequence[EffectParameters], bellows: Sequence[int], i
             same = (effect.kind, effect.where) == (other.kind, other.where)
             equal = (effect.parameters, effect.force) == (other.parameters, other.force)
             if same and (equal or not effect.info.several):
-                message = (
-                    f'"{effect.kind}" at "{effect.where}" is already effect {earlier + 1}; allowed: '
-                    + ("several with different numbers" if effect.info.several else "one")
+                message = f'"{effect.kind}" at "{effect.where}" is already effect {earlier + 1}; allowed: ' + (
+                    "several with different numbers" if effect.info.several else "one"
                 )
                 raise table_error(message, f"effect.{number}.kind")

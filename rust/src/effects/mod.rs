@@ -28,11 +28,13 @@ mod registry;
 pub mod sensors;
 mod slip;
 pub mod state;
+#[cfg(test)]
+mod tests;
 
 pub use kinds::{KINDS, Kind, KindInfo};
 pub use list::{Effects, Entry};
 pub use place::{Place, Target};
-pub use state::{EffectState, Instant};
+pub use state::{BellowsState, EffectState, Instant};
 
 use self::kinds::formula;
 use crate::arm::Arm;

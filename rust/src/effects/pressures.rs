@@ -34,9 +34,9 @@ impl<T: Real> PressureChain<T> {
         let list = &arm.effects.list;
         let delays: Vec<Option<T>> = (0..arm.inputs)
             .map(|j| {
-                list.iter().filter_map(|e| e.kind.input_delay(j)).fold(None, |sum: Option<T>, d| {
-                    Some(sum.map_or(d, |s| s + d))
-                })
+                list.iter()
+                    .filter_map(|e| e.kind.input_delay(j))
+                    .fold(None, |sum: Option<T>, d| Some(sum.map_or(d, |s| s + d)))
             })
             .collect();
         let stages: Vec<usize> = (0..list.len()).filter(|&k| list[k].kind.shapes_pressures()).collect();

@@ -21,9 +21,9 @@ impl<T: Real> Sensors<T> {
         let list = &arm.effects.list;
         let delays: Vec<Option<T>> = (0..arm.coordinates())
             .map(|j| {
-                list.iter().filter_map(|e| e.kind.sensor_delay(j)).fold(None, |sum: Option<T>, d| {
-                    Some(sum.map_or(d, |s| s + d))
-                })
+                list.iter()
+                    .filter_map(|e| e.kind.sensor_delay(j))
+                    .fold(None, |sum: Option<T>, d| Some(sum.map_or(d, |s| s + d)))
             })
             .collect();
         let longest = delays.iter().flatten().fold(0.0, |m: f64, d| m.max(d.largest()));

@@ -21,7 +21,8 @@ impl<T: Real> Effect<T> for EffectiveArea<T> {
     const SUMMARY: &'static str = "terminal area that changes with pressure or length";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Bellows];
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("by_pressure", "1/Pa", -1e-5..=1e-5, "relative change of area per pressure above ambient").or(0.0),
+        Parameter::new("by_pressure", "1/Pa", -1e-5..=1e-5, "relative change of area per pressure above ambient")
+            .or(0.0),
         Parameter::new("by_length", "1/m", -50.0..=50.0, "relative change of area per length above rest").or(0.0),
     ];
 

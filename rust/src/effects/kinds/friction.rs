@@ -36,7 +36,7 @@ impl<T: Real> Effect<T> for Friction<T> {
     const SUMMARY: &'static str = "dry friction along a bellows (LuGre, Stribeck)";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Bellows];
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("force", "N", 0.0..=1e3, "Coulomb friction F, at speed"),
+        Parameter::new("coulomb_force", "N", 0.0..=1e3, "Coulomb friction F, at speed"),
         Parameter::new("presliding", "m", 1e-6..=0.01, "length x over which the force builds up").or(2e-4),
         Parameter::new("static_ratio", "", 1.0..=5.0, "breakaway force over Coulomb friction, r").or(1.0),
         Parameter::new("stribeck_velocity", "m/s", 1e-5..=10.0, "speed v_s of Stribeck's curve").or(0.01),

@@ -16,8 +16,7 @@ pub struct LengthOffset<T> {
 impl<T: Real> Effect<T> for LengthOffset<T> {
     const SUMMARY: &'static str = "offset of a length sensor: q + offset is measured";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Bellows];
-    const PARAMETERS: &'static [Parameter] =
-        &[Parameter::new("offset", "m", -0.1..=0.1, "measured less true length")];
+    const PARAMETERS: &'static [Parameter] = &[Parameter::new("offset", "m", -0.1..=0.1, "measured less true length")];
 
     fn new(definition: &Definition, values: &[T]) -> Self {
         Self { offset: values[0], lengths: definition.target.lengths.clone() }

@@ -58,7 +58,9 @@ impl<T: Real> Effect<T> for Payload<T> {
         let minor = xx * yy - xy * xy;
         let determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
         let fine = payload.mass >= 0.0 || (xx >= 0.0 && minor >= 0.0 && determinant >= 0.0);
-        (!fine).then(|| "the section's moments of inertia would become negative; take away less mass, or nearer".to_owned())
+        (!fine).then(|| {
+            "the section's moments of inertia would become negative; take away less mass, or nearer".to_owned()
+        })
     }
 
     fn change_arm(&self, arm: &mut Arm<T>) {
