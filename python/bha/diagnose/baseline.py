@@ -17,8 +17,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import firwin
 
 from bha import _core, names
+from bha.diagnose.cache import Cache
 from bha.diagnose.engine import Engine, Job
-from bha.diagnose.fit import Fit, Problem, evaluate, improve
+from bha.diagnose.fit import Fit, Problem, evaluate, improve, weighted, with_sensitivities
 from bha.diagnose.model import Model
 from bha.diagnose.noise import (
     QUIET_FREQUENCY,
@@ -211,20 +212,31 @@ class Baseline:
     prepared: Prepared
 
 
-def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int) -> Baseline:
+def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, cache: Cache | None = None) -> Baseline:
     """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
 
     Raises:
         ConvergenceError: the nominal arm diverges under these logs.
     """
+    cache = cache or Cache(None, "")
     records = prepared.records
-    x = np.zeros(model.size)
+    x, states = np.zeros(model.size), prepared.states
     # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
     rough = noise_model(records, [[] for _ in records])
-    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine)
-    fit = improve(problem, evaluate(problem, model, x, prepared.states), iterations=8, tolerance=0.02, renewals=1)
+    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
+    known = cache.get("rough")
+    if known is None:
+        fit = improve(problem, evaluate(problem, model, x, states), iterations=8, tolerance=0.02, renewals=1)
+        cache.put("rough", x=fit.x, states=np.array(fit.states))
+    else:
+        fit = evaluate(problem, model, known["x"], list(known["states"]))
     disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
     noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs))
-    problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine)
-    fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=8, tolerance=2e-3, renewals=2)
-    return Baseline(problem, noise, fit, prepared)
+    problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
+    known = cache.get("plain")
+    if known is None:
+        fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=8, tolerance=2e-3, renewals=2)
+        cache.put("plain", x=fit.x, states=np.array(fit.states))
+    else:
+        fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)
+    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared)

@@ -102,6 +102,7 @@ class Engine:
             step=self.step,
             velocities=False,
             head_positions=needs_heads,
+            measured=True,
             threads=self.threads,
         )
         columns = channel_columns(record.channels, lengths.shape[2] // 3)

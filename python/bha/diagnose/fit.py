@@ -9,11 +9,12 @@ Validity: a local method: it needs the plain arm within some ten to twenty per c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.diagnose.cache import Cache
 from bha.diagnose.engine import Engine, Job
 from bha.diagnose.model import Model
 from bha.diagnose.noise import Whitener
@@ -42,11 +43,13 @@ class Problem:
         records: the logs.
         whiteners: one a log.
         engine: runs the simulations.
+        cache: keeps finished fits.
     """
 
     records: tuple[Record, ...]
     whiteners: tuple[Whitener, ...]
     engine: Engine
+    cache: Cache = field(default_factory=lambda: Cache(None, ""))
 
     @property
     def rows(self) -> int:

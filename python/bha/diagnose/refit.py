@@ -82,6 +82,20 @@ def bic(trial: Trial, problem: Problem, correlation: float) -> float:
     return criterion(trial.fit.squares + penalty, trial.size, problem.rows, correlation)
 
 
+def stored(problem: Problem, start: Fit, name: str) -> Fit | None:
+    """The finished fit of that name, without sensitivities, if the cache has it."""
+    found = problem.cache.get(name)
+    if found is None or found["x"].shape != start.x.shape or len(found["states"]) != len(start.states):
+        return None
+    fit = evaluate(problem, start.model, found["x"], list(found["states"]), start.trust)
+    return fit if np.isfinite(fit.cost) else None
+
+
+def store(problem: Problem, fit: Fit, name: str) -> None:
+    """Keep a finished fit."""
+    problem.cache.put(name, x=fit.x, states=np.array(fit.states))
+
+
 def refit(
     problem: Problem,
     holdout: Holdout,
@@ -114,17 +128,22 @@ def refit(
     fit = evaluate(problem, model, x, start.states, start.trust)
     if not np.isfinite(fit.cost):
         return None
+    name = f"refit {[(c.key, sorted(c.shape.items())) for c in candidates]} {kept} {renewals}"
+    known = stored(problem, fit, name)
+    fit = known or fit
     new = list(range(old, model.size))
     assert start.jacobian is not None
     jacobian = np.concatenate([start.jacobian[:, :old], columns(problem, fit, new)], axis=1)
     fit = weighted(replace(fit, jacobian=jacobian, state_jacobians=start.state_jacobians), problem.rows)
     effect_coordinates = list(range(len(model.plain), model.size))
-    try:
-        fit = improve(
-            problem, fit, iterations=iterations, renew=effect_coordinates, renewals=renewals, tolerance=2e-3, limit=2.0
-        )
-    except ConvergenceError:
-        return None
+    if not known:
+        try:
+            fit = improve(
+                problem, fit, iterations=iterations, renew=effect_coordinates, renewals=renewals, tolerance=2e-3, limit=2.0
+            )
+        except ConvergenceError:
+            return None
+        store(problem, fit, name)
     return Trial(tuple(candidates), fit, holdout.predict(model, fit.x))
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import _core, names
+from bha.diagnose.cache import Cache
 from bha.diagnose.catalogue import Candidate, KindPlan, members, places
 from bha.diagnose.engine import Job
 from bha.diagnose.fit import Fit, Problem, project_states
@@ -81,7 +82,7 @@ class Complement:
 
 
 def probe(
-    problem: Problem, fit: Fit, plans: Sequence[KindPlan], tell: Callable[[float], None] = lambda share: None
+    problem: Problem, fit: Fit, plans: Sequence[KindPlan], tell: Callable[[float], None], cache: Cache
 ) -> Signatures:
     """Signatures of all candidates around ``fit``."""
     core = fit.model.description(fit.x)
@@ -104,6 +105,9 @@ def probe(
                     per_strength.append(tuple(index))
                 candidates.append(Candidate(plan, where, shape))
                 columns.append(tuple(per_strength))
+    known = cache.get("signatures")
+    if known is not None and known["table"].shape == (problem.rows, len(changes)):
+        return Signatures(tuple(candidates), tuple(columns), np.asarray(known["table"], dtype=np.float32))
     table = np.empty((problem.rows, len(changes)), dtype=np.float32)
     batch = 64
     for first in range(0, len(changes), batch):
@@ -120,6 +124,7 @@ def probe(
             change = [(a - b) / size for a, b in zip(found, fit.outputs, strict=True)]
             # A probe that diverges has no signature: it scores nothing.
             table[:, first + k] = np.nan_to_num(problem.white(change), nan=0.0, posinf=0.0, neginf=0.0)
+    cache.put("signatures", table=table)
     return Signatures(tuple(candidates), tuple(columns), table)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bha.diagnose.catalogue import Ranges
 from bha.diagnose.fit import Fit, Problem, improve, with_sensitivities
 from bha.diagnose.holdout import Holdout, Prediction, better
-from bha.diagnose.refit import Trial, bic, correlation_length, refit, without
+from bha.diagnose.refit import Trial, bic, correlation_length, refit, store, stored, without
 from bha.diagnose.screen import Scored, Screening, Signatures, score
 
 Array = NDArray[np.float64]
@@ -173,9 +173,13 @@ def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
 
 
 def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
-    fit = with_sensitivities(problem, trial.fit)
-    renew = list(range(len(fit.model.plain), fit.model.size))
-    fit = improve(problem, fit, iterations=6, renew=renew, renewals=1, tolerance=1e-3)
+    name = f"refined {[(c.key, sorted(c.shape.items())) for c in trial.candidates]}"
+    known = stored(problem, trial.fit, name)
+    fit = with_sensitivities(problem, known or trial.fit)
+    if known is None:
+        renew = list(range(len(fit.model.plain), fit.model.size))
+        fit = improve(problem, fit, iterations=6, renew=renew, renewals=1, tolerance=1e-3)
+        store(problem, fit, name)
     return Trial(trial.candidates, fit, holdout.predict(fit.model, fit.x))
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 
 from bha.diagnose import catalogue, excitation
 from bha.diagnose.baseline import Baseline, Prepared, first_state, fit_baseline, prepare_runs, thin
+from bha.diagnose.cache import Cache, key_of
 from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
 from bha.diagnose.engine import Engine, Job
 from bha.diagnose.fit import Problem, with_sensitivities
@@ -23,7 +26,7 @@ from bha.diagnose.records import Record, prepare, split
 from bha.diagnose.refit import Trial, bic, correlation_length
 from bha.diagnose.residual import describe_residual
 from bha.diagnose.result import CandidateLine, Diagnosis, Effect, Gap, Number, plain
-from bha.diagnose.screen import Signatures, probe
+from bha.diagnose.screen import Signatures, probe, score
 from bha.diagnose.select import Rules, Search, search
 from bha.diagnose.where import locate
 from bha.errors import InputError
@@ -71,6 +74,7 @@ def run(
     seed: int = 0,
     threads: int | None = None,
     progress: Progress | None = None,
+    cache_folder: Path | None = None,
     rules: Rules | None = None,
     limits: Limits | None = None,
 ) -> Outcome:
@@ -89,7 +93,9 @@ def run(
     prepared = prepare_runs(model, train, lambda step: Engine(step, threads))
     engine = Engine(prepared.step, threads)
     say("re-identifying the plain model")
-    baseline = fit_baseline(model, prepared, engine, seed)
+    options = (commanded, seed, rules, prepared.step)
+    cache = Cache(cache_folder, key_of(json.dumps(model.core), [*train, *held], options))
+    baseline = fit_baseline(model, prepared, engine, seed, cache)
     problem, plain_fit = baseline.problem, baseline.fit
     holdout = _holdout(baseline, prepared, held, engine)
     prediction = holdout.predict(plain_fit.model, plain_fit.x)
@@ -107,12 +113,10 @@ def run(
     plans = [p for p in catalogue.available() if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
-        signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share))
+        signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)
         if gap.significant:
             search(problem, holdout, plain_fit, signatures, ranges, rules, say, state)
         else:
-            from bha.diagnose.screen import score  # noqa: PLC0415
-
             state.screening = score(problem, plain_fit, signatures)
             state.complete = True
     except KeyboardInterrupt:
@@ -127,6 +131,8 @@ def run(
     diagnosis = _describe(
         baseline, holdout, state, signatures, gap, verdict, where, replace(final, fit=fit), uncertainty, (noise_rms, *errors), seed, (train, held)
     )
+    if state.complete:
+        cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
     return Outcome(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
 
