@@ -53,7 +53,7 @@ wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it
 	.ci/prove-wheel $(BIN)/python dist
 
 experiments: $(VENV)/.ready-all ## The paper's experiments again: docs/experiments.md
-	$(BIN)/bha experiment all
+	$(BIN)/bha experiment all --out docs
 
 blind: $(VENV)/.ready-all ## Diagnosis of hidden effects, blind
 	$(BIN)/python -m benches.blind

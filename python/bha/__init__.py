@@ -10,8 +10,10 @@ from bha.errors import (
     ConvergenceError,
     InputError,
     LogError,
+    LogWarning,
     MissingExtraError,
     ParameterError,
+    ParameterWarning,
     SimulationError,
 )
 from bha.log import Log
@@ -27,9 +29,11 @@ __all__ = [
     "InputError",
     "Log",
     "LogError",
+    "LogWarning",
     "MissingExtraError",
     "Options",
     "ParameterError",
+    "ParameterWarning",
     "Simulation",
     "SimulationError",
     "Trajectory",

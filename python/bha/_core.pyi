@@ -1,6 +1,7 @@
 """Types of the compiled core."""
 
 from collections.abc import Callable, Sequence
+from os import PathLike
 from typing import Self, TypedDict, final
 
 import numpy as np
@@ -184,3 +185,10 @@ class VirtualArm:
         step: float,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
     def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...
+
+def read_table(
+    path: str | PathLike[str],
+    plan: Callable[[list[str]], list[tuple[str, float, str]]],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
+def format_table_rows(columns: Sequence[NDArray[np.float64]]) -> bytes: ...

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.errors import InputError, SimulationError
+from bha.log import Log
 from bha.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
 
 Method = Literal["dopri5", "rk4"]
 Interpolation = Literal["linear", "hold"]
@@ -47,7 +47,7 @@ class Input:
     @classmethod
     def from_log(cls, arm: Arm, log: Log, *, commanded: bool = False) -> Input:
         """The pressures (``commanded`` ones if asked) and external forces of a measured log."""
-        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), log.forces)
+        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), log.forces_on(arm.section_count))
 
 
 @dataclass(frozen=True)
@@ -252,8 +252,6 @@ def as_input(
     """
     if isinstance(drive, Input):
         return drive
-    from bha.log import Log  # noqa: PLC0415  (units are only loaded where a log is used)
-
     if isinstance(drive, Log):
         return Input.from_log(arm, drive, commanded=commanded)
     if callable(drive):

@@ -35,6 +35,8 @@ pub struct Input {
     forces: Vec<f64>,
     force_count: usize,
     interpolation: Interpolation,
+    /// Times of the jumps, ascending.
+    jumps: Vec<f64>,
 }
 
 /// Where a reader of an [`Input`] stands; moves forward cheaply.
@@ -78,7 +80,10 @@ impl Input {
             let (a, b) = (times[k], times[k + 1]);
             return Err(Error::Input(format!("input time runs backwards from {a} to {b} s at sample {}", k + 1)));
         }
-        Ok(Self { times, pressures, pressure_count, forces, force_count, interpolation })
+        let mut input =
+            Self { times, pressures, pressure_count, forces, force_count, interpolation, jumps: Vec::new() };
+        input.jumps = input.find_jumps();
+        Ok(input)
     }
 
     /// Whether it has external forces.
@@ -184,24 +189,20 @@ impl Input {
     }
 
     /// The first time after `t` at which a channel jumps.
-    pub fn next_jump(&self, t: f64, cursor: &mut Cursor) -> f64 {
-        let mut k = self.locate(t, false, cursor);
-        while k + 1 < self.times.len() {
-            let jumps = match self.interpolation {
-                Interpolation::Hold => true,
-                Interpolation::Linear => self.times[k + 1] == self.times[k],
-            };
-            if jumps && self.times[k + 1] > t && self.differs(k) {
-                return self.times[k + 1];
-            }
-            k += 1;
-        }
-        f64::INFINITY
+    #[inline]
+    pub fn next_jump(&self, t: f64) -> f64 {
+        let next = self.jumps.partition_point(|jump| *jump <= t);
+        self.jumps.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
-    fn differs(&self, k: usize) -> bool {
+    /// The times of all jumps. Found once: an integrator asks for the next one before every step.
+    fn find_jumps(&self) -> Vec<f64> {
         let (n, m) = (self.pressure_count, self.force_count);
-        self.pressures[k * n..(k + 1) * n] != self.pressures[(k + 1) * n..(k + 2) * n]
-            || self.forces[k * m..(k + 1) * m] != self.forces[(k + 1) * m..(k + 2) * m]
+        let differs = |k: usize| {
+            self.pressures[k * n..(k + 1) * n] != self.pressures[(k + 1) * n..(k + 2) * n]
+                || self.forces[k * m..(k + 1) * m] != self.forces[(k + 1) * m..(k + 2) * m]
+        };
+        let may_jump = |k: usize| self.interpolation == Interpolation::Hold || self.times[k + 1] == self.times[k];
+        (0..self.times.len() - 1).filter(|k| may_jump(*k) && differs(*k)).map(|k| self.times[k + 1]).collect()
     }
 }

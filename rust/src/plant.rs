@@ -23,7 +23,6 @@ pub struct Plant<T = f64> {
     ws: Workspace<T>,
     pressures: Vec<T>,
     cursor: Cursor,
-    jump_cursor: Cursor,
     step_end: f64,
     /// Set up when the first step begins, where the arm has effects on pressures or on sensors.
     chain: Option<PressureChain<T>>,
@@ -35,9 +34,8 @@ impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
         let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
-        let (cursor, jump_cursor) = (Cursor::default(), Cursor::default());
-        let step_end = f64::INFINITY;
-        Self { arm, input, ws, pressures, cursor, jump_cursor, step_end, chain: None, sensors: None, begun: false }
+        let (cursor, step_end) = (Cursor::default(), f64::INFINITY);
+        Self { arm, input, ws, pressures, cursor, step_end, chain: None, sensors: None, begun: false }
     }
 
     /// Whether sensors of lengths are modelled.
@@ -119,7 +117,7 @@ impl<T: Real> System<T> for Plant<T> {
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        let jump = self.input.next_jump(t, &mut self.jump_cursor);
+        let jump = self.input.next_jump(t);
         match &self.chain {
             Some(chain) => jump.min(chain.next_jump(&self.input, t)),
             None => jump,

@@ -155,7 +155,7 @@ def _value_at(mapping: Any, location: Location, otherwise: Any) -> Any:
     for part in location:
         if not isinstance(mapping, dict | list | tuple):
             return otherwise
-        mapping = mapping[part]
+        mapping = mapping[part]  # type: ignore[index]  # pydantic's location has an int for a list, a key for a table
     return mapping
 
 

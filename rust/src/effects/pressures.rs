@@ -151,7 +151,7 @@ impl<T: Real> PressureChain<T> {
             for d in [delay.smallest(), delay.largest()] {
                 // A hair later, so that rounding does not find the same jump again.
                 let hair = 1e-9 * (1.0 + t.abs());
-                first = first.min(input.next_jump(t - d + hair, &mut Cursor::default()) + d);
+                first = first.min(input.next_jump(t - d + hair) + d);
             }
         }
         first

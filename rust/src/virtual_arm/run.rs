@@ -78,13 +78,12 @@ impl VirtualArm {
         y.extend(&start.creep);
         let external = if input.has_forces() { vec![Vector3::zeros(); self.sections.len()] } else { Vec::new() };
         let mut reader = Reader { input, cursor: Cursor::default(), pressures: vec![0.0; self.inputs], external };
-        let mut jumps = Cursor::default();
         let mut rows = Rows::default();
         let Some(&first) = times.first() else { return Ok(rows) };
         let (mut t, mut count) = (first, 0_u64);
         for &output in times {
             while t < output {
-                let until = output.min(input.next_jump(t, &mut jumps));
+                let until = output.min(input.next_jump(t));
                 let steps = ((until - t) / step).ceil().max(1.0);
                 let (from, h) = (t, (until - t) / steps);
                 for k in 0..steps as u64 {

@@ -22,7 +22,7 @@ fn acting(effects: &[EffectParameters], input: &Input, times: &[f64]) -> Vec<f64
     for pair in times.windows(2) {
         let mut t = pair[0];
         while t < pair[1] {
-            let jump = input.next_jump(t, &mut Default::default()).min(chain.next_jump(input, t));
+            let jump = input.next_jump(t).min(chain.next_jump(input, t));
             let next = pair[1].min(jump);
             chain.begin_step(&arm, input, t, next);
             // Stages out of order and a step begun again: the chain must not care.
