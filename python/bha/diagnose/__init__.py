@@ -26,6 +26,7 @@ def diagnose(
     *,
     out: str | os.PathLike[str] | None = None,
     commanded: bool = False,
+    kinds: Sequence[str] | None = None,
     report: bool = True,
     seed: int = 0,
     threads: int | None = None,
@@ -43,6 +44,7 @@ def diagnose(
         holdout: logs that take no part in any fit; if empty, the last third of ``logs`` (of the only log's time).
         out: folder for ``diagnosis.json``, ``arm_diagnosed.toml`` and ``report.html``; nothing is written if None.
         commanded: take the commanded pressures (``pc..``) as what acts.
+        kinds: kinds of effects that are candidates; all of the registry if None.
         report: write ``report.html`` too (extra ``report``).
         seed: of all that is drawn at random.
         threads: how many threads; as many as there are cores if None.
@@ -69,7 +71,7 @@ def diagnose(
             import_extra("plotly", extra="report", purpose="The report of a diagnosis")
     from bha.diagnose import workflow, written  # noqa: PLC0415  (SciPy is an extra)
 
-    outcome = workflow.run(arm, logs, holdout, commanded=commanded, seed=seed, threads=threads, progress=progress, cache_folder=None if folder is None else folder / ".cache")
+    outcome = workflow.run(arm, logs, holdout, commanded=commanded, kinds=kinds, seed=seed, threads=threads, progress=progress, cache_folder=None if folder is None else folder / ".cache")
     if folder is not None:
         diagnosed = written.diagnosed_arm(arm, outcome, logs)
         diagnosed.save(folder / "arm_diagnosed.toml")

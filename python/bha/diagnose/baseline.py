@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 
 #: Greatest share of the noise that the integration's error may have.
 STEP_ERROR_SHARE = 0.1
+#: The same for runs of which only differences are wanted.
+COARSE_ERROR_SHARE = 1.0
 #: Draws of pressure noise per log for the noise model.
 DRAWS = 3
 #: Time from the start of a log that gives the first guess of its initial state, s.
@@ -53,6 +55,7 @@ class Prepared:
         full: the logs as they were.
         states: first guess of the initial states.
         step: step of the integration, s.
+        coarse: step where only differences between runs are wanted, s.
         step_error: RMS difference to half the step, m.
     """
 
@@ -60,6 +63,7 @@ class Prepared:
     full: tuple[Record, ...]
     states: tuple[Array, ...]
     step: float
+    coarse: float
     step_error: float
 
 
@@ -115,26 +119,24 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     Raises:
         ConvergenceError: the nominal arm diverges at every step tried.
     """
-    x = np.zeros(model.size)
-    text = model.arm(x)
-    sample = min(r.sample_time for r in records)
-    factors = [f for f in (4, 2, 1) if f * sample <= 0.5 / TOP_FREQUENCY * 0.75 or f == 1]
-    tried = [(f, f * sample) for f in factors] + [(1, sample / k) for k in (2, 4, 8, 16, 32)]
+    text = model.arm(np.zeros(model.size))
     arm = _core.Arm(text)
-    noise = np.median([np.median(r.noise) for r in records])
-    last = np.inf
-    for factor, step in tried:
-        thinned = tuple(thin(r, factor) for r in records)
-        states = tuple(first_state(arm, r, model.sections) for r in thinned)
-        jobs = [Job(text, r, s, rows=min(len(r.rows), int(6.0 / r.sample_time))) for r, s in zip(thinned, states, strict=True)]
-        coarse, fine = engine(step).run(jobs), engine(step / 2.0).run(jobs)
-        error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(coarse, fine, strict=True)])))
-        if np.isfinite(error):
-            last = error
-            if error <= STEP_ERROR_SHARE * noise or (factor == 1 and step <= sample / 32):
-                return Prepared(thinned, tuple(records), states, step, error)
-    if np.isfinite(last):
-        return Prepared(thinned, tuple(records), states, step, last)
+    sample = min(r.sample_time for r in records)
+    # Rows may be thinned as long as the band that counts stays below their Nyquist frequency.
+    factor = max([1, *(f for f in (2, 3, 4) if f * sample <= 0.4 / TOP_FREQUENCY)])
+    thinned = tuple(thin(r, factor) for r in records)
+    states = tuple(first_state(arm, r, model.sections) for r in thinned)
+    jobs = [Job(text, r, s, rows=min(len(r.rows), int(6.0 / r.sample_time))) for r, s in zip(thinned, states, strict=True)]
+    noise = float(np.median([np.median(r.noise) for r in records]))
+    steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
+    coarse: float | None = None
+    for step in steps:
+        fine, finer = engine(step).run(jobs), engine(step / 2.0).run(jobs)
+        error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(fine, finer, strict=True)])))
+        if np.isfinite(error) and error <= COARSE_ERROR_SHARE * noise:
+            coarse = coarse or step
+        if np.isfinite(error) and (error <= STEP_ERROR_SHARE * noise or step == steps[-1]):
+            return Prepared(thinned, tuple(records), states, step, coarse or step, error)
     raise ConvergenceError(
         "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
         "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnose.model import Coordinate, EffectTerm
+from bha.errors import InputError
 
 Array = NDArray[np.float64]
 Numbers = Mapping[str, float]
@@ -409,8 +410,19 @@ PLANS: tuple[KindPlan, ...] = (
 )
 
 
-def available() -> list[KindPlan]:
-    """The plans of the kinds that the core knows."""
+def available(kinds: Sequence[str] | None = None) -> list[KindPlan]:
+    """The plans of the kinds that the core knows, or of those among ``kinds``.
+
+    Raises:
+        InputError: one of ``kinds`` has no plan.
+    """
     from bha.parameters.effect import EFFECT_KINDS  # noqa: PLC0415  (the registry is read once)
 
-    return [plan for plan in PLANS if plan.kind in EFFECT_KINDS]
+    known = [plan for plan in PLANS if plan.kind in EFFECT_KINDS]
+    if kinds is None:
+        return known
+    names = [plan.kind for plan in known]
+    for kind in kinds:
+        if kind not in names:
+            raise InputError(f"kinds: {kind!r} is no candidate; allowed: {', '.join(names)}")
+    return [plan for plan in known if plan.kind in kinds]

@@ -43,15 +43,26 @@ class Engine:
     Jobs that share a log run in one call of the core, which may put them abreast.
     """
 
-    def __init__(self, step: float, threads: int | None = None, tick: Callable[[int], None] | None = None) -> None:
-        """Step of the integration, s; number of threads (all cores if None); ``tick`` is told of finished jobs."""
+    def __init__(
+        self, step: float, threads: int | None = None, coarse: float | None = None, tick: Callable[[int], None] | None = None
+    ) -> None:
+        """An engine.
+
+        Args:
+            step: step of the integration, s.
+            threads: number of threads; all cores if None.
+            coarse: step where only differences between runs are wanted, s: their errors cancel to first order.
+            tick: told of the number of finished jobs.
+        """
         self.step = step
+        self.coarse = coarse or step
         self.threads = threads or 0
         self.count = 0
         self._tick = tick
 
-    def run(self, jobs: Sequence[Job]) -> list[Array]:
+    def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
+        step = self.coarse if coarse else self.step
         groups: dict[tuple[int, int], list[int]] = {}
         for k, job in enumerate(jobs):
             groups.setdefault((id(job.record), job.rows or len(job.record.rows)), []).append(k)
@@ -60,14 +71,14 @@ class Engine:
             size = max(1, CHUNK_NUMBERS // (rows * 6 * len(jobs[members[0]].state)))
             for first in range(0, len(members), size):
                 part = members[first : first + size]
-                for k, y in zip(part, self._together([jobs[k] for k in part], rows), strict=True):
+                for k, y in zip(part, self._together([jobs[k] for k in part], rows, step), strict=True):
                     results[k] = y
                 self.count += len(part)
                 if self._tick is not None:
                     self._tick(len(part))
         return results
 
-    def _together(self, jobs: Sequence[Job], rows: int) -> list[Array]:
+    def _together(self, jobs: Sequence[Job], rows: int, step: float) -> list[Array]:
         record = jobs[0].record
         times = np.ascontiguousarray(record.output_time[:rows])
         texts = list(dict.fromkeys(job.arm for job in jobs))
@@ -99,7 +110,7 @@ class Engine:
             np.full(len(live), times[0]),
             np.ascontiguousarray([job.state for job in live]),
             method="rk4",
-            step=self.step,
+            step=step,
             velocities=False,
             head_positions=needs_heads,
             measured=True,

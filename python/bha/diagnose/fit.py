@@ -166,14 +166,22 @@ def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
         steps.append(step)
         arm = fit.model.arm(x)
         jobs += [Job(arm, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
-    outputs = problem.engine.run(jobs)
+    base, outputs = with_base(problem, fit, jobs)
     count = len(problem.records)
     result = np.empty((problem.rows, len(which)))
     for column, step in enumerate(steps):
         changed = outputs[column * count : (column + 1) * count]
-        change = [(a - b) / step for a, b in zip(changed, fit.outputs, strict=True)]
+        change = [(a - b) / step for a, b in zip(changed, base, strict=True)]
         result[:, column] = problem.white(change)
     return np.nan_to_num(result)
+
+
+def with_base(problem: Problem, fit: Fit, jobs: Sequence[Job]) -> tuple[list[Array], list[Array]]:
+    """Outputs of the fit and of ``jobs``, all with the coarse step: their differences are what is wanted."""
+    arm = fit.model.arm(fit.x)
+    first = [Job(arm, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
+    outputs = problem.engine.run([*first, *jobs], coarse=True)
+    return outputs[: len(first)], outputs[len(first) :]
 
 
 def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
@@ -188,13 +196,13 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
             changed = state.copy()
             changed[k] += 0.1 * units[k]
             jobs.append(Job(arm, record, changed, rows=rows))
-    outputs = problem.engine.run(jobs)
+    base, outputs = with_base(problem, fit, jobs)
     result = []
     for i, (record, white) in enumerate(zip(problem.records, problem.whiteners, strict=True)):
         table = np.zeros((2 * n, len(record.rows), len(record.channels)))
         for k in range(2 * n):
             y = outputs[i * 2 * n + k]
-            table[k, : len(y)] = (y - fit.outputs[i][: len(y)]) / 0.1
+            table[k, : len(y)] = (y - base[i][: len(y)]) / 0.1
         result.append(white(np.nan_to_num(table)).reshape(2 * n, -1).T)
     return tuple(result)
 

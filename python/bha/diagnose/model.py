@@ -195,6 +195,8 @@ def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
     elif key == "inertia":
         section["inertia"] = [value * entry for entry in section["inertia"]]
     elif key == "center_of_mass":
+        # The logged force keeps acting where it did.
+        section["force_point"] = section.get("force_point") or section["center_of_mass"]
         section["center_of_mass"] = [*section["center_of_mass"][:2], value]
     elif key == "bending_stiffness":
         section["bending_stiffness"] = [value, *section["bending_stiffness"][1:]]

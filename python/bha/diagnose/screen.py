@@ -19,7 +19,7 @@ from bha import _core, names
 from bha.diagnose.cache import Cache
 from bha.diagnose.catalogue import Candidate, KindPlan, members, places
 from bha.diagnose.engine import Job
-from bha.diagnose.fit import Fit, Problem, project_states
+from bha.diagnose.fit import Fit, Problem, project_states, with_base
 from bha.diagnose.model import with_effect_tables
 
 Array = NDArray[np.float64]
@@ -117,11 +117,11 @@ def probe(
         for effect, _ in part_changes:
             text = json.dumps(with_effect_tables(core, [effect]))
             jobs += [Job(text, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
-        outputs = problem.engine.run(jobs)
+        base, outputs = with_base(problem, fit, jobs)
         count = len(problem.records)
         for k, (_, size) in enumerate(part_changes):
             found = outputs[k * count : (k + 1) * count]
-            change = [(a - b) / size for a, b in zip(found, fit.outputs, strict=True)]
+            change = [(a - b) / size for a, b in zip(found, base, strict=True)]
             # A probe that diverges has no signature: it scores nothing.
             table[:, first + k] = np.nan_to_num(problem.white(change), nan=0.0, posinf=0.0, neginf=0.0)
     cache.put("signatures", table=table)

@@ -75,6 +75,7 @@ def run(
     threads: int | None = None,
     progress: Progress | None = None,
     cache_folder: Path | None = None,
+    kinds: Sequence[str] | None = None,
     rules: Rules | None = None,
     limits: Limits | None = None,
 ) -> Outcome:
@@ -91,9 +92,9 @@ def run(
     model = plain_model(arm)
     say("choosing the integration step")
     prepared = prepare_runs(model, train, lambda step: Engine(step, threads))
-    engine = Engine(prepared.step, threads)
+    engine = Engine(prepared.step, threads, prepared.coarse)
     say("re-identifying the plain model")
-    options = (commanded, seed, rules, prepared.step)
+    options = (commanded, seed, rules, prepared.step, kinds)
     cache = Cache(cache_folder, key_of(json.dumps(model.core), [*train, *held], options))
     baseline = fit_baseline(model, prepared, engine, seed, cache)
     problem, plain_fit = baseline.problem, baseline.fit
@@ -110,7 +111,9 @@ def run(
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
     ranges = catalogue.core_ranges()
     heads, lengths = _measured(train)
-    plans = [p for p in catalogue.available() if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
+    plans = [
+        p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)
+    ]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
         signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)

@@ -54,6 +54,8 @@ def _write_plain(mapping: dict[str, Any], model: Model, x: Any, outcome: Outcome
         table["mass"] = section["mass"]
         table["inertia"] = section["inertia"]
         table["center_of_mass"] = section["center_of_mass"]
+        if section.get("force_point") is not None:
+            table["force_point"] = section["force_point"]
         table["bending_stiffness"] = section["bending_stiffness"]
         for key in ("rest_length", "damping", "terminal_area"):
             factor = first[key] / first_before[key] if first_before[key] else 1.0
