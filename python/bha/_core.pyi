@@ -154,6 +154,7 @@ def simulate_batch(
     max_steps: int | None = None,
     velocities: bool = True,
     head_positions: bool = False,
+    measured: bool = False,
     threads: int = 0,
     instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,

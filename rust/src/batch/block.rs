@@ -131,6 +131,7 @@ fn run_abreast<'m, T: Real>(
         system,
         times: &times,
         members: &mut members,
+        measured: batch.channels.measured,
         stop,
     };
     T::enter(run);
@@ -144,6 +145,8 @@ struct Run<'a, 'm, 's, T> {
     links: Vec<Link<T>>,
     times: &'a [f64],
     members: &'a mut [(&'m Member<'m>, Slot<'s>)],
+    /// Whether lengths are to be those that the sensors read.
+    measured: bool,
     stop: &'a AtomicBool,
 }
 
@@ -152,10 +155,16 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { mut integrator, mut system, arm, mut links, times, members, stop } = self;
+        let Self { mut integrator, mut system, arm, mut links, times, members, measured, stop } = self;
         let n = arm.coordinates();
         let mut positions = vec![Vec3::zero(); arm.sections.len()];
         let heads = members.iter().any(|(_, slot)| !slot.head_positions.is_empty());
+        // Readings of the length sensors, where they are wanted and modelled.
+        if measured {
+            system.plant.begin(integrator.time(), integrator.state());
+        }
+        let measured = measured && system.plant.has_sensors();
+        let mut read = vec![T::zero(); n];
         let mut result = Ok(());
         for (row, time) in times.iter().enumerate() {
             let mut sink = |_: f64, x: &[T]| {
@@ -176,6 +185,14 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
             };
             result = integrator
                 .run(&mut system, std::slice::from_ref(time), &mut sink, &mut || stop.load(Ordering::Relaxed));
+            if measured && result.is_ok() {
+                system.plant.measured_lengths_into(*time, integrator.state(), &mut read);
+                let x = integrator.state();
+                for (k, (_, slot)) in members.iter_mut().enumerate() {
+                    let value = |j: usize| if j < n { read[j].lane(k) } else { x[j].lane(k) };
+                    slot.write(row, n, value, |j| positions[j / 3].0[j % 3].lane(k));
+                }
+            }
             // Rows written for a lane that had failed before this row are taken back.
             for ((_, slot), failure) in members.iter_mut().zip(&system.failures) {
                 if failure.is_some() && result.is_ok() {

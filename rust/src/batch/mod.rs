@@ -42,6 +42,8 @@ pub struct Channels {
     pub velocities: bool,
     /// Origins of the heads.
     pub head_positions: bool,
+    /// Lengths as the sensors read them, where effects act on sensors, in place of the true ones.
+    pub measured: bool,
 }
 
 /// The members' rows, one block of `rows` rows a member, NaN where a member has none.
@@ -195,8 +197,9 @@ impl Batch<'_> {
             }
         };
         let (rows, result) = simulation.advance(member.times, &mut || stop.load(Ordering::Relaxed));
+        let read = self.channels.measured && !rows.measured_lengths.is_empty();
         for (to, from) in [
-            (slot.lengths, rows.lengths),
+            (slot.lengths, if read { rows.measured_lengths } else { rows.lengths }),
             (slot.velocities, rows.velocities),
             (slot.head_positions, rows.head_positions),
         ] {

@@ -20,7 +20,7 @@ type Samples<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyA
 ///
 /// Returns (lengths, velocities or None, head positions or None, failures, statistics); see `bha.simulate_batch`.
 #[pyfunction]
-#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, threads = 0, instruction_set = None, progress = None))]
+#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, measured = false, threads = 0, instruction_set = None, progress = None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
@@ -40,6 +40,7 @@ pub fn simulate_batch<'py>(
     max_steps: Option<u64>,
     velocities: bool,
     head_positions: bool,
+    measured: bool,
     threads: usize,
     instruction_set: Option<&str>,
     progress: Option<&Bound<'py, PyAny>>,
@@ -83,7 +84,7 @@ pub fn simulate_batch<'py>(
         inputs: &inputs,
         members: &members,
         options,
-        channels: Channels { velocities, head_positions },
+        channels: Channels { velocities, head_positions, measured },
         instruction_set: instruction_set_by_name(py, instruction_set)?,
     };
     let mut signal: Option<PyErr> = None;
