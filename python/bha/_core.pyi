@@ -6,6 +6,7 @@ from typing import Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
 from bha.errors import BhaError, SimulationError
 
@@ -31,6 +32,7 @@ class _KindInfo(TypedDict):
 def effect_kinds() -> list[_KindInfo]: ...
 def formula_fault(text: str, names: list[str]) -> str | None: ...
 
+@disjoint_base
 class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
     def forward_kinematics(self, q: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
@@ -133,6 +135,7 @@ class Simulation:
     @property
     def statistics(self) -> tuple[int, int, int]: ...
 
+def instruction_sets() -> list[str]: ...
 def simulate_batch(
     arms: Sequence[Arm],
     inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],
@@ -153,6 +156,7 @@ def simulate_batch(
     head_positions: bool = False,
     measured: bool = False,
     threads: int = 0,
+    instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[
     NDArray[np.float64],

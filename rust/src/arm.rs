@@ -236,7 +236,11 @@ impl Arm<f64> {
 
     /// The same arm over another scalar.
     pub fn lift<T: Real>(&self) -> Arm<T> {
-        let c = T::from_f64;
+        self.map(T::from_f64)
+    }
+
+    /// The arm with `c` of every number, which are visited in a fixed order.
+    pub fn map<T: Real>(&self, c: impl Fn(f64) -> T + Copy) -> Arm<T> {
         let v = |a: Vec3<f64>| Vec3(a.0.map(c));
         Arm {
             gravity: v(self.gravity),

@@ -23,6 +23,7 @@
 //! Arrows: batch -> simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points
 //! back.
 
+pub mod abreast;
 pub mod arm;
 pub mod batch;
 pub mod dynamics;

@@ -74,6 +74,11 @@ class Record:
             usable[(self.time >= start) & (self.time <= end)] = False
         return replace(self, usable=usable)
 
+    def thinned(self, interval: float) -> Record:
+        """The same record with rows at least ``interval`` s apart; what drives the arm keeps all its samples."""
+        rows = _thinned(self.time, interval)
+        return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
+
     def predicted(self, lengths: Array, heads: Array) -> Array:
         """The record's channels out of predicted lengths (..., 3n) and head positions (..., n, 3), shape (..., C)."""
         return np.concatenate([lengths, heads.reshape(*heads.shape[:-2], -1)], axis=-1)[..., self.index]
@@ -198,6 +203,16 @@ def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 
     if not made:
         raise InputError(f"no window of {length} s has {min_rows} rows; choose longer windows")
     return made
+
+
+def some_of(pieces: Sequence[Window], records: Sequence[Record], budget: float) -> list[Window]:
+    """Windows spread evenly over all, lasting ``budget`` s together at the most; all of them if they last less."""
+    total = sum(records[w.record].time[w.last - 1] - records[w.record].time[w.first] for w in pieces)
+    if total <= budget:
+        return list(pieces)
+    count = max(2, int(len(pieces) * budget / total))
+    chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
+    return [pieces[k] for k in chosen]
 
 
 def _thinned(time: Array, interval: float) -> NDArray[np.int64]:

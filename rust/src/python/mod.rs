@@ -21,6 +21,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<simulation::PySimulation>()?;
     m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
+    m.add_function(wrap_pyfunction!(batch::instruction_sets, m)?)?;
     m.add_function(wrap_pyfunction!(effects::effect_kinds, m)?)?;
     m.add_function(wrap_pyfunction!(effects::formula_fault, m)?)?;
     table::register(m)
