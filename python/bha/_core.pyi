@@ -6,6 +6,7 @@ from typing import Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
 from bha.errors import BhaError, SimulationError
 
@@ -31,6 +32,7 @@ class _KindInfo(TypedDict):
 def effect_kinds() -> list[_KindInfo]: ...
 def formula_fault(text: str, names: list[str]) -> str | None: ...
 
+@disjoint_base
 class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
     def forward_kinematics(self, q: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
@@ -147,6 +149,14 @@ class Stepper:
     def pressures(self) -> NDArray[np.float64]: ...
 
 @final
+class Fleet:
+    def __new__(
+        cls, arm: Arm, count: int, q: ArrayLike, p: ArrayLike, step: float = 5e-3, threads: int = 0
+    ) -> Self: ...
+    def reset(self, indices: Sequence[int], q: ArrayLike, p: ArrayLike) -> NDArray[np.float64]: ...
+    def step(self, p: ArrayLike, dt: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
+
+@final
 class Controller:
     def __new__(cls, arm: Arm, parameters_json: str) -> Self: ...
     def reset(self) -> None: ...
@@ -192,6 +202,7 @@ def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def linear_quadratic_gain(a: ArrayLike, b: ArrayLike, q: ArrayLike, r: ArrayLike) -> NDArray[np.float64]: ...
+def instruction_sets() -> list[str]: ...
 def simulate_batch(
     arms: Sequence[Arm],
     inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],
@@ -210,7 +221,9 @@ def simulate_batch(
     max_steps: int | None = None,
     velocities: bool = True,
     head_positions: bool = False,
+    measured: bool = False,
     threads: int = 0,
+    instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[
     NDArray[np.float64],

@@ -72,6 +72,10 @@ class _Task:
         size = 2 * lengths + inputs + 6
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
+    def fleet(self, count: int, step: float, threads: int) -> _core.Fleet:
+        """Plants at rest."""
+        return _core.Fleet(self.arm, count, self.start_lengths, self.start_pressures, step, threads)
+
     def pressures(self, actions: Any) -> Floats:
         """Commanded pressures, Pa absolute, of actions (..., inputs)."""
         clipped = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
@@ -122,7 +126,7 @@ class ReachEnv(gymnasium.Env):  # type: ignore[misc,name-defined]
             render_mode: None; there is nothing to see.
         """
         self._task = _Task(arm, period)
-        self._fleet = _core.Fleet(self._task.arm, 1, step)
+        self._fleet = self._task.fleet(1, step, 1)
         self.action_space = self._task.action_space
         self.observation_space = self._task.observation_space
         self.render_mode = render_mode
@@ -136,7 +140,7 @@ class ReachEnv(gymnasium.Env):  # type: ignore[misc,name-defined]
         task = self._task
         given = (options or {}).get("target")
         self._target = task.target(self.np_random) if given is None else np.asarray(given, dtype=np.float64)
-        states = self._fleet.reset(np.array([0]), task.start_lengths[None], task.start_pressures[None])
+        states = self._fleet.reset([0], task.start_lengths[None], task.start_pressures[None])
         return task.observe(states[0], self._target), {"target": self._target.copy()}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -185,7 +189,7 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc,name-defi
         if num_envs < 1:
             raise InputError(f"num_envs: {num_envs}; at least 1 is needed")
         self._task = _Task(arm, period)
-        self._fleet = _core.Fleet(self._task.arm, num_envs, step, threads)
+        self._fleet = self._task.fleet(num_envs, step, threads)
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.single_action_space = self._task.action_space
@@ -228,7 +232,7 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc,name-defi
         for k in which:
             self._targets[k] = task.target(self.np_random)
         lengths = np.tile(task.start_lengths, (count, 1))
-        self._states = self._fleet.reset(which, lengths, np.tile(task.start_pressures, (count, 1)))
+        self._states = self._fleet.reset(which.tolist(), lengths, np.tile(task.start_pressures, (count, 1)))
         self._steps[which] = 0
 
 

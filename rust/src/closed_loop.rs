@@ -13,7 +13,6 @@ use crate::input::{Input, Interpolation};
 use crate::integrate::{Integrator, Method, Options};
 use crate::kinematics::chain::{Motion, pass};
 use crate::plant::Plant;
-use crate::pneumatics::LONGEST_STEP;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -47,9 +46,8 @@ impl Stepper {
         let mut x = q.clone();
         x.resize(2 * q.len(), 0.0);
         let none = Arc::new(none);
-        let plant = Plant::new(arm.clone(), none.clone()).with_pneumatics(&q, &p);
-        let step = if plant.has_pneumatics() { step.min(LONGEST_STEP) } else { step };
-        let options = Options { method: Method::Rk4, step, ..Options::default() };
+        let plant = Plant::new(arm.clone(), none.clone()).with_pneumatics(0.0, &q);
+        let options = plant.suited(Options { method: Method::Rk4, step, ..Options::default() });
         let integrator = Integrator::new(options, 0.0, &x);
         Ok(Self { arm, none, plant, integrator, options, pressures: p, lengths: q })
     }
@@ -71,8 +69,9 @@ impl Stepper {
             Some(q) => q.to_vec(),
             None => rest(&self.arm, p, None)?,
         };
-        self.plant = Plant::new(self.arm.clone(), self.none.clone()).with_pneumatics(&x, p);
-        self.plant.hold(p);
+        let mut plant = Plant::new(self.arm.clone(), self.none.clone());
+        plant.hold(p);
+        self.plant = plant.with_pneumatics(0.0, &x);
         match qd {
             Some(qd) => x.extend_from_slice(qd),
             None => x.resize(2 * m, 0.0),

@@ -101,6 +101,11 @@ impl Input {
         self.force_count
     }
 
+    /// Whether a channel jumps at any time.
+    pub fn has_jumps(&self) -> bool {
+        !self.jumps.is_empty()
+    }
+
     /// First sample time.
     pub fn start(&self) -> f64 {
         self.times[0]

@@ -26,6 +26,7 @@
 //! Arrows: batch, closed_loop -> control, simulate -> integrate -> dynamics -> forces, effects, pneumatics -> kinematics
 //! -> arm -> real; nothing points back.
 
+pub mod abreast;
 pub mod arm;
 pub mod batch;
 pub mod closed_loop;
@@ -33,6 +34,7 @@ pub mod control;
 pub mod dynamics;
 pub mod effects;
 pub mod error;
+pub mod fleet;
 pub mod forces;
 pub mod input;
 pub mod integrate;

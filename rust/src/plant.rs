@@ -2,37 +2,42 @@
 
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
-use crate::dynamics::recursion::forward_dynamics_into;
+use crate::dynamics::recursion::ForwardDynamics;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
 use crate::input::{Cursor, Input};
-use crate::integrate::System;
+use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::linear::Vec3;
-use crate::pneumatics::Chambers;
+use crate::pneumatics::{Chambers, LONGEST_STEP};
 use crate::real::Real;
 use std::sync::Arc;
 
-/// An arm under an input.
+/// Most lanes of any scalar.
+const MOST_LANES: usize = 8;
+
+/// An arm under an input, or several abreast.
 ///
 /// Pressures go from the input (or from outside, [`Plant::hold`]) through the arm's pneumatics, where it has any, into
 /// the chambers; those are what pressure sensors see. Effects on pressures act between these and the bellows.
 #[derive(Clone, Debug)]
 pub struct Plant<T = f64> {
-    /// The arm.
+    /// The arm, or the arms abreast.
     pub arm: Arc<Arm<T>>,
-    /// Its input.
-    pub input: Arc<Input>,
+    drives: Vec<Drive>,
     ws: Workspace<T>,
     pressures: Vec<T>,
-    cursor: Cursor,
+    /// Time of the pressures, and whether from the left.
+    read: (f64, bool),
     step_end: f64,
+    /// Pressures commanded from outside, in place of the inputs'.
+    held: Option<Vec<T>>,
     /// Pneumatics between commands and chambers.
     chambers: Option<Chambers<T>>,
-    /// Pressures commanded from outside, in place of the input's.
-    held: Option<Vec<T>>,
+    /// Commands at a step's start and end, where there are chambers.
+    commands: [Vec<T>; 2],
     /// Chamber pressures at the outputs since it was emptied last, one an input each; empty without pneumatics.
     pub chamber_pressures: Vec<T>,
     /// Set up when the first step begins, where the arm has effects on pressures or on sensors.
@@ -43,19 +48,69 @@ pub struct Plant<T = f64> {
     begun: bool,
 }
 
+/// An input and where its readers stand.
+#[derive(Clone, Debug)]
+struct Drive {
+    input: Arc<Input>,
+    /// Its clock minus the plant's, s.
+    offset: f64,
+    cursor: Cursor,
+}
+
+/// Pressures of the inputs at `t` into `out`: of the only one, or lane by lane.
+#[inline(always)]
+fn read_pressures<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) {
+    if let [drive] = drives {
+        drive.input.read(t + drive.offset, before, &mut drive.cursor, out);
+        return;
+    }
+    let mut places = [(0, 0.0); MOST_LANES];
+    for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
+        *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
+    }
+    for (j, p) in out.iter_mut().enumerate() {
+        *p = T::from_lanes(|k| drives[k].input.pressure(places[k], j));
+    }
+}
+
+/// Forces of the inputs at `t` into `out`, likewise.
+#[inline(always)]
+fn read_forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T>]) {
+    let mut places = [(0, 0.0); MOST_LANES];
+    for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
+        *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
+    }
+    let last = drives.len() - 1;
+    for (i, f) in out.iter_mut().enumerate() {
+        for (c, f) in f.0.iter_mut().enumerate() {
+            *f = T::from_lanes(|k| drives[k.min(last)].input.force(places[k.min(last)], 3 * i + c));
+        }
+    }
+}
+
 impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs; pressures are those in the bellows.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
+        Self::abreast(arm, vec![(input, 0.0)])
+    }
+
+    /// The plant of arms abreast, each under its own input: `inputs[k]` drives lane `k` (the only one all lanes) with its
+    /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none. Arms with effects on
+    /// pressures need one input, and its own clock.
+    pub fn abreast(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
+        let cursor = Cursor::default();
+        let drives = inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor }).collect();
         let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
         Self {
             arm,
-            input,
+            drives,
             ws,
             pressures,
-            cursor: Cursor::default(),
+            read: (f64::NAN, false),
             step_end: f64::INFINITY,
-            chambers: None,
             held: None,
+            chambers: None,
+            commands: [Vec::new(), Vec::new()],
             chamber_pressures: Vec::new(),
             chain: None,
             history: None,
@@ -64,9 +119,15 @@ impl<T: Real> Plant<T> {
         }
     }
 
-    /// The same plant with the arm's pneumatics, at rest at lengths `q` under pressures `p`: pressures are commands.
-    pub fn with_pneumatics(mut self, q: &[T], p: &[T]) -> Self {
-        self.chambers = Chambers::new(&self.arm, q, p);
+    /// The same plant with the arm's pneumatics, at rest at lengths `q` under the commands of time `t`: pressures are
+    /// commands.
+    pub fn with_pneumatics(mut self, t: f64, q: &[T]) -> Self {
+        let mut p = vec![T::zero(); self.arm.inputs];
+        self.commands_into(t, false, &mut p);
+        self.chambers = Chambers::new(&self.arm, q, &p);
+        if self.chambers.is_some() {
+            self.commands = [p.clone(), p];
+        }
         self
     }
 
@@ -75,13 +136,29 @@ impl<T: Real> Plant<T> {
         self.chambers.is_some()
     }
 
-    /// Commands `p` from now on, in place of the input's pressures.
+    /// `options` with steps no longer than the pneumatics allow.
+    pub fn suited(&self, options: Options) -> Options {
+        if !self.has_pneumatics() {
+            return options;
+        }
+        let (step, max_step) = (options.step.min(LONGEST_STEP), options.max_step.min(LONGEST_STEP));
+        Options { step, max_step, ..options }
+    }
+
+    /// Commands `p` from now on, in place of the inputs' pressures.
     #[inline(always)]
     pub fn hold(&mut self, p: &[T]) {
+        self.read.0 = f64::NAN;
         match &mut self.held {
             Some(held) => held.copy_from_slice(p),
             None => self.held = Some(p.to_vec()),
         }
+    }
+
+    /// Whether there are external forces.
+    #[inline(always)]
+    fn has_forces(&self) -> bool {
+        self.drives[0].input.has_forces()
     }
 
     /// Whether sensors of lengths are modelled.
@@ -92,6 +169,7 @@ impl<T: Real> Plant<T> {
     /// The run begins at (`t`, `x`), with the effects' hidden states at rest. The first step calls it if nobody did.
     pub fn begin(&mut self, t: f64, x: &[T]) {
         self.begun = true;
+        self.read.0 = f64::NAN;
         if self.chambers.is_some() || self.held.is_some() {
             let mut p = self.pressures.clone();
             self.chamber_pressures_into(t, &x[..x.len() / 2], &mut p);
@@ -102,7 +180,7 @@ impl<T: Real> Plant<T> {
                 self.history = Some(history);
             }
         } else {
-            self.chain = PressureChain::new(&self.arm, &*self.input, t);
+            self.chain = PressureChain::new(&self.arm, &*self.drives[0].input, t);
         }
         self.sensors = Sensors::new(&self.arm, t, x);
     }
@@ -120,61 +198,81 @@ impl<T: Real> Plant<T> {
     /// without pneumatics.
     #[inline(always)]
     pub fn chamber_pressures_into(&mut self, t: f64, q: &[T], out: &mut [T]) {
-        if let Some(chambers) = &mut self.chambers {
-            chambers.pressures(&self.arm, t, q, out);
-        } else if let Some(held) = &self.held {
-            out.copy_from_slice(held);
-        } else {
+        match &mut self.chambers {
+            Some(chambers) => chambers.pressures(&self.arm, t, q, out),
             // At a step's end the limit from the left belongs to the step, also where a channel jumps.
-            self.input.read(t, t >= self.step_end, &mut self.cursor, out);
+            None => self.commands_into(t, t >= self.step_end, out),
+        }
+    }
+
+    /// Commanded pressures at `t` into `out`.
+    #[inline(always)]
+    fn commands_into(&mut self, t: f64, before: bool, out: &mut [T]) {
+        match &self.held {
+            Some(held) => out.copy_from_slice(held),
+            None => read_pressures(&mut self.drives, t, before, out),
         }
     }
 
     /// Reads the inputs at `t` into the work space; `q` are the lengths then.
     #[inline(always)]
     fn read_input(&mut self, t: f64, q: &[T]) {
+        let before = t >= self.step_end;
+        let again = self.read == (t, before);
+        self.read = (t, before);
+        if !again && self.has_forces() {
+            read_forces(&mut self.drives, t, before, &mut self.ws.external);
+        }
+        // Only pressures of chambers depend on the lengths; those that effects act on are predicted.
+        if again && (self.chambers.is_none() || self.chain.is_some()) {
+            return;
+        }
         let mut pressures = std::mem::take(&mut self.pressures);
         match (&mut self.chain, &self.history) {
             (Some(chain), Some(history)) => chain.acting(&self.arm, history, t, &mut pressures),
-            (Some(chain), None) => chain.acting(&self.arm, &*self.input, t, &mut pressures),
+            (Some(chain), None) => chain.acting(&self.arm, &*self.drives[0].input, t, &mut pressures),
             (None, _) => self.chamber_pressures_into(t, q, &mut pressures),
         }
         self.pressures = pressures;
-        if self.input.has_forces() {
-            let place = self.input.weight(t, t >= self.step_end, &mut self.cursor);
-            for (i, f) in self.ws.external.iter_mut().enumerate() {
-                *f = Vec3([0, 1, 2].map(|k| T::from_f64(self.input.force(place, 3 * i + k))));
-            }
+    }
+
+    /// Puts the lanes that `which` says to rest: at the lengths in `x`, with chambers at the commands `p`, which are held from
+    /// now on. For plants without effects on pressures.
+    pub fn restart(&mut self, which: impl Fn(usize) -> bool + Copy, x: &[T], p: &[T]) {
+        self.hold(p);
+        if let Some(chambers) = &mut self.chambers {
+            chambers.restart(&self.arm, which, &x[..x.len() / 2], p);
+        }
+        for hidden in self.ws.effects.hidden_mut() {
+            *hidden = T::from_lanes(|k| if which(k) { 0.0 } else { hidden.lane(k) });
         }
     }
 
     /// Takes the chambers over the step from (`t0`, `x0`) to `t1`.
     #[inline(always)]
     fn begin_chambers(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        if self.chambers.is_none() {
+            return;
+        }
+        let [mut from, mut to] = std::mem::take(&mut self.commands);
+        self.commands_into(t0, false, &mut from);
+        self.commands_into(t1, true, &mut to);
+        self.commands = [from, to];
         if let Some(chambers) = &mut self.chambers {
-            let (input, held) = (&self.input, &self.held);
-            let from = input.weight(t0, false, &mut self.cursor);
-            let to = input.weight(t1, true, &mut self.cursor);
-            let reference = |j: usize| match held {
-                Some(p) => (p[j], p[j]),
-                None => (T::from_f64(input.pressure(from, j)), T::from_f64(input.pressure(to, j))),
-            };
-            chambers.begin_step(&self.arm, (t0, t1), x0.split_at(x0.len() / 2), reference);
+            chambers.begin_step(&self.arm, (t0, t1), x0.split_at(x0.len() / 2), &self.commands);
         }
     }
 
     /// Notes what comes into the chain over a step: with the lengths moving on evenly, since the chain comes first.
     #[inline(always)]
-    fn begin_history(&mut self, t0: f64, t1: f64, x0: &[T]) {
+    fn begin_history(&mut self, t0: f64, t1: f64) {
         let Some(history) = &mut self.history else { return };
         history.begin_step();
-        match (&mut self.chambers, &self.held) {
-            (Some(chambers), _) => chambers.predicted(&self.arm, |t, p| history.note(t, p)),
-            (None, Some(held)) => {
-                history.note(t0, held);
-                history.note(t1, held);
-            }
-            (None, None) => debug_assert!(x0.is_empty(), "a history has a source"),
+        if let Some(chambers) = &mut self.chambers {
+            chambers.predicted(&self.arm, |t, p| history.note(t, p));
+        } else if let Some(held) = &self.held {
+            history.note(t0, held);
+            history.note(t1, held);
         }
     }
 }
@@ -186,11 +284,15 @@ impl<T: Real> System<T> for Plant<T> {
         if !self.begun {
             self.begin(t0, x0);
         }
+        // Pressures of chambers and of the chain belong to the step.
+        if self.chain.is_some() || self.chambers.is_some() {
+            self.read.0 = f64::NAN;
+        }
         self.begin_chambers(t0, t1, x0);
-        self.begin_history(t0, t1, x0);
+        self.begin_history(t0, t1);
         match (&mut self.chain, &self.history) {
             (Some(chain), Some(history)) => chain.begin_step(&self.arm, history, t0, t1),
-            (Some(chain), None) => chain.begin_step(&self.arm, &*self.input, t0, t1),
+            (Some(chain), None) => chain.begin_step(&self.arm, &*self.drives[0].input, t0, t1),
             (None, _) => {}
         }
         self.ws.effects.begin_step(&self.arm, t0, x0);
@@ -204,7 +306,7 @@ impl<T: Real> System<T> for Plant<T> {
                 chain.end_step(&self.arm, history, t1);
                 history.end_step();
             }
-            (Some(chain), None) => chain.end_step(&self.arm, &*self.input, t1),
+            (Some(chain), None) => chain.end_step(&self.arm, &*self.drives[0].input, t1),
             (None, _) => {}
         }
         if let Some(chambers) = &mut self.chambers {
@@ -215,6 +317,7 @@ impl<T: Real> System<T> for Plant<T> {
         }
     }
 
+    #[inline(always)]
     fn output(&mut self, t: f64, x: &[T]) {
         if let Some(chambers) = &mut self.chambers {
             let start = self.chamber_pressures.len();
@@ -232,15 +335,17 @@ impl<T: Real> System<T> for Plant<T> {
         let (dq, dqd) = dx.split_at_mut(n);
         dq.copy_from_slice(qd);
         let external = std::mem::take(&mut self.ws.external);
-        let f_ext = self.input.has_forces().then_some(external.as_slice());
-        forward_dynamics_into(&self.arm, q, qd, &self.pressures, f_ext, &mut self.ws, dqd);
+        let f_ext = self.has_forces().then_some(external.as_slice());
+        let (arm, p, ws) = (&self.arm, self.pressures.as_slice(), &mut self.ws);
+        T::enter(ForwardDynamics { arm, q, qd, p, f_ext, ws, qdd: dqd });
         self.ws.external = external;
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        let jump = self.input.next_jump(t);
+        let next = |d: &Drive| d.input.next_jump(t + d.offset) - d.offset;
+        let jump = self.drives.iter().map(next).fold(f64::INFINITY, f64::min);
         match (&self.chain, &self.history) {
-            (Some(chain), None) => jump.min(chain.next_jump(&*self.input, t)),
+            (Some(chain), None) => jump.min(chain.next_jump(&*self.drives[0].input, t)),
             _ => jump,
         }
     }

@@ -10,13 +10,13 @@ use crate::integrate::{Integrator, Options, Statistics};
 use crate::kinematics::chain::{Motion, pass};
 use crate::linear::Vec3;
 use crate::plant::Plant;
-use crate::pneumatics::LONGEST_STEP;
 use std::sync::Arc;
 
 /// A simulation under way; [`Simulation::advance`] may be called again and again.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     plant: Plant,
+    input: Arc<Input>,
     integrator: Integrator<f64>,
     ws: Workspace,
     cursor: Cursor,
@@ -47,52 +47,26 @@ impl Simulation {
     pub fn new(
         arm: Arc<Arm>,
         input: Arc<Input>,
-        mut options: Options,
+        options: Options,
         start: f64,
         q: Option<&[f64]>,
         qd: Option<&[f64]>,
     ) -> Result<Self> {
-        let n = arm.coordinates();
-        let mut cursor = Cursor::default();
-        let place = input.weight(start, false, &mut cursor);
-        for (name, given) in [("q", q), ("qd", qd)] {
-            if let Some(v) = given
-                && (v.len() != n || v.iter().any(|x| !x.is_finite()))
-            {
-                return Err(Error::Input(format!("initial {name}: {n} finite numbers are needed, found {v:?}")));
-            }
-        }
-        let rest;
-        let p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
-        let q = match q {
-            Some(q) => q,
-            None => {
-                let mut p = p.clone();
-                effects::pressures::at_rest(&arm, &mut p);
-                let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
-                let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
-                rest = static_lengths(&arm, &p, f.as_deref(), None)?;
-                &rest
-            }
-        };
-        let mut x = q.to_vec();
-        x.extend_from_slice(qd.unwrap_or(&vec![0.0; n]));
+        let x = initial_state(&arm, &input, start, q, qd)?;
         let ws = Workspace::new(&arm);
-        let mut plant = Plant::new(arm, input).with_pneumatics(&x[..n], &p);
-        if plant.has_pneumatics() {
-            options.step = options.step.min(LONGEST_STEP);
-            options.max_step = options.max_step.min(LONGEST_STEP);
-        }
+        let (n, cursor) = (arm.coordinates(), Cursor::default());
+        let mut plant = Plant::new(arm, input.clone()).with_pneumatics(start, &x[..n]);
+        let options = plant.suited(options);
         plant.begin(start, &x);
-        Ok(Self { integrator: Integrator::new(options, start, &x), plant, ws, cursor })
+        Ok(Self { integrator: Integrator::new(options, start, &x), plant, input, ws, cursor })
     }
 
     /// Goes on to the last of `times` (ascending, not before the present time) and returns a row at each.
     ///
     /// The rows computed before a failure are returned beside the error. `stop` is asked now and then.
     pub fn advance(&mut self, times: &[f64], stop: &mut impl FnMut() -> bool) -> (Rows, Result<()>) {
-        let Self { plant, integrator, ws, cursor } = self;
-        let (arm, input) = (plant.arm.clone(), plant.input.clone());
+        let Self { plant, input, integrator, ws, cursor } = self;
+        let arm = plant.arm.clone();
         let n = arm.coordinates();
         let commanded = !plant.has_pneumatics();
         let mut rows = Rows {
@@ -153,4 +127,41 @@ impl Simulation {
     pub fn time(&self) -> f64 {
         self.integrator.time()
     }
+}
+
+/// Lengths and rates at `start`: as given, else at rest under the pressures and forces of that time.
+///
+/// # Errors
+/// [`Error::Input`] for sizes that do not fit, [`Error::Convergence`] if there is no rest to start from.
+pub(crate) fn initial_state(
+    arm: &Arm,
+    input: &Input,
+    start: f64,
+    q: Option<&[f64]>,
+    qd: Option<&[f64]>,
+) -> Result<Vec<f64>> {
+    let n = arm.coordinates();
+    let place = input.weight(start, false, &mut Cursor::default());
+    for (name, given) in [("q", q), ("qd", qd)] {
+        if let Some(v) = given
+            && (v.len() != n || v.iter().any(|x| !x.is_finite()))
+        {
+            return Err(Error::Input(format!("initial {name}: {n} finite numbers are needed, found {v:?}")));
+        }
+    }
+    let rest;
+    let q = match q {
+        Some(q) => q,
+        None => {
+            let mut p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
+            effects::pressures::at_rest(arm, &mut p);
+            let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
+            let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
+            rest = static_lengths(arm, &p, f.as_deref(), None)?;
+            &rest
+        }
+    };
+    let mut x = q.to_vec();
+    x.extend_from_slice(qd.unwrap_or(&vec![0.0; n]));
+    Ok(x)
 }

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from bha.arm import Arm
@@ -45,11 +46,13 @@ def info(arm: Arm, as_json: bool) -> None:
 
 def _facts(arm: Arm) -> dict[str, Any]:
     parameters = arm.parameters
+    lengths: NDArray[np.float64] | None = None
+    heads: NDArray[np.float64] | None = None
     try:
         q = arm.static_lengths(np.full(len(arm.inputs), parameters.ambient_pressure))
         lengths, heads = q.reshape(-1, 3), arm.forward_kinematics(q)[0]
     except ConvergenceError:
-        lengths = heads = None
+        pass  # an arm without a rest at ambient pressure still has parameters to show
     return {
         "name": arm.name,
         "sections": arm.section_count,

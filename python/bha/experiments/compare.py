@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,27 +46,3 @@ def static_trajectory(arm: Arm, measured: Trajectory, lengths: Callable[[Array, 
         input_names=measured.input_names,
         arm_name=arm.name,
     )
-
-
-def oscillation(time: Array, deflection: Array) -> tuple[float, float, float]:
-    """(frequency in Hz, greatest deflection in m, damping ratio) of a swing about zero.
-
-    Frequency from the first zero crossings, damping from the extremes between them (logarithmic decrement). Extremes
-    below a tenth of the greatest are left out: sensors and creep would decide there.
-    """
-    crossings = np.flatnonzero(np.diff(np.signbit(deflection)))
-    extremes = [np.abs(deflection[a : b + 1]).max() for a, b in pairwise(crossings)]
-    greatest = float(np.abs(deflection).max())
-    kept: list[float] = []
-    for extreme in extremes:
-        if extreme < 0.1 * greatest or (kept and extreme > kept[-1]):
-            break
-        kept.append(float(extreme))
-    # Linear interpolation of the crossings, half a period apart.
-    exact = [
-        time[k] + (time[k + 1] - time[k]) * deflection[k] / (deflection[k] - deflection[k + 1])
-        for k in crossings[: len(kept) + 1]
-    ]
-    frequency = 0.5 * (len(exact) - 1) / (exact[-1] - exact[0])
-    decrement = np.log(kept[0] / kept[-1]) / (len(kept) - 1) if len(kept) > 1 else np.nan
-    return float(frequency), greatest, float(decrement / np.hypot(np.pi, decrement))

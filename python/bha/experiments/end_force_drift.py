@@ -81,8 +81,8 @@ def free_swing(duration: float) -> tuple[Array, dict[str, Array]]:
     still = with_sections(robots.load("bha_nominal"), [{"damping": 0.0}] * 3, "undamped")
     ambient = np.full(len(still.inputs), still.parameters.ambient_pressure)
     drive = Input.constant(ambient, duration)
-    time = np.arange(round(duration / 5e-3) + 1) * 5e-3
-    energies = {}
+    time = 5e-3 * np.arange(round(duration / 5e-3) + 1, dtype=np.float64)
+    energies: dict[str, Array] = {}
     for name in MODELS:
         arm = still.with_changes(force_model=name)
         at_rest = arm.energy(arm.static_lengths(ambient), np.zeros(len(START))).total
@@ -103,7 +103,7 @@ def unstable_poses(gravity: tuple[float, float, float], force_model: ForceModel,
     for _ in range(count):
         q = random.uniform(*RANGE, 3 * arm.section_count)
         lacking = np.linalg.solve(arm.actuation_matrix(q), arm.bias_force(q, np.zeros_like(q)))
-        growth = growth_rate(arm, q, arm.parameters.ambient_pressure + lacking)
+        growth = growth_rate(arm, q, np.asarray(arm.parameters.ambient_pressure + lacking, dtype=np.float64))
         unstable += growth > 1e-6
     return unstable
 

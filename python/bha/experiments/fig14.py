@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bha.arm import Arm
-from bha.experiments.compare import oscillation
 from bha.experiments.fig10 import SHOWN
 from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.experiments.procedures import lateral, swing_from_release
-from bha.simulation import Input, simulate
-
-Array = NDArray[np.float64]
+from bha.experiments.procedures import fit_oscillation, lateral, simulated_swing, swing_from_release
+from bha.simulation import Input
 
 
 def run(lab: Laboratory) -> Outcome:
@@ -26,26 +21,28 @@ def run(lab: Laboratory) -> Outcome:
     assert lengths is not None
     drive = Input.constant(free.pressures(lab.identified.inputs).mean(axis=0), float(time[-1]))
 
-    def swung(arm: Arm) -> tuple[Array, Array, Array]:
-        run = simulate(arm, drive, dt=1e-3, q0=start)
-        rest = arm.forward_kinematics(arm.static_lengths(drive.pressures[0], start=start))[0][:, 0]
-        return run.time, run.head_positions[:, :, 0] - rest, run.lengths
-
     deflection = {"measured": (time, lateral(lab.identified, free))}
     shown = {"measured": (time, lengths)}
     for label, arm in (("full model", lab.identified), ("reduced model", lab.reduced)):
-        t, x, q = swung(arm)
+        t, x, q = simulated_swing(arm, drive, start)
         deflection[label], shown[label] = (t, x), (t, q)
-    found = {label: oscillation(t, x[:, -1]) for label, (t, x) in deflection.items()}
-    rows = min(len(t) for t, _ in deflection.values())
-    tool = {label: x[:rows, -1] for label, (_, x) in deflection.items()}
+    found = {label: fit_oscillation(t, x[:, -1]) for label, (t, x) in deflection.items()}
+    common = deflection["full model"][0]
+    tool = {label: np.interp(common, t, x[:, -1]) for label, (t, x) in deflection.items()}
     error = {k: float(np.sqrt(np.mean((x - tool["measured"]) ** 2))) for k, x in tool.items() if k != "measured"}
     apart = float(np.sqrt(np.mean((tool["full model"] - tool["reduced model"]) ** 2)))
-    frequency, amplitude, damping = found["measured"]
-    worst = max(abs(found[k][0] / frequency - 1) for k in error)
+    measured = found["measured"]
+    worst = max(abs(found[k].frequency / measured.frequency - 1) for k in error)
+    amplitude = measured.amplitude
     rows_of_table = [
-        [label, f"{f:.2f}", f"{1e3 * a:.0f}", f"{d:.3f}", f"{1e3 * error[label]:.1f}" if label in error else ""]
-        for label, (f, a, d) in found.items()
+        [
+            label,
+            f"{o.frequency:.3f}",
+            f"{1e3 * o.amplitude:.0f}",
+            f"{o.damping_ratio:.3f}",
+            f"{1e3 * error[label]:.1f}" if label in error else "",
+        ]
+        for label, o in found.items()
     ]
     return Outcome(
         "fig14",
@@ -55,8 +52,8 @@ def run(lab: Laboratory) -> Outcome:
         [
             Claim(
                 "frequency, amplitude and damping of the tool match during the large oscillations",
-                f"frequency within {100 * worst:.0f} %, damping ratio {found['full model'][2]:.3f} and "
-                f"{found['reduced model'][2]:.3f} against {damping:.3f}",
+                f"frequency within {100 * worst:.0f} %, damping ratio {found['full model'].damping_ratio:.3f} and "
+                f"{found['reduced model'].damping_ratio:.3f} against {measured.damping_ratio:.3f}",
                 worst < 0.1,
             ),
             Claim(
@@ -81,7 +78,7 @@ def run(lab: Laboratory) -> Outcome:
             )
         ],
         {
-            "frequency": frequency,
+            "frequency": measured.frequency,
             "worst_frequency": worst,
             "full_error": error["full model"],
             "reduced_error": error["reduced model"],

@@ -23,6 +23,7 @@ from bha.plot.style import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ def swing_figure(
                      **line_options(styles[label], COLORS[head], alone))  # fmt: skip
         top.set_ylabel("Lateral deflection x [mm]")
         top.set_xlabel("Time [s]")
-        below = []
+        below: list[Axes] = []
         for place, index in enumerate(bellows):
             axes = figure.add_subplot(grid[1, 3 * place : 3 * place + 3], sharey=below[0] if below else None)
             for label, (time, q) in lengths.items():

@@ -49,11 +49,21 @@ class BendingFit:
 
 
 @dataclass(frozen=True)
-class DampingFit:
-    """Fig. 10: damping of each section's bellows, N s/m, and what is left of the lateral deflection, m RMS."""
+class Oscillation:
+    """A damped oscillation fitted to a deflection: Hz, damping ratio, greatest deflection and RMS left, m."""
 
-    damping: tuple[float, ...]
+    frequency: float
+    damping_ratio: float
+    amplitude: float
     residual: float
+
+
+@dataclass(frozen=True)
+class DampingFit:
+    """Fig. 10: the tool's measured oscillation, and the damping of each section's bellows that gives it, N s/m."""
+
+    measured: Oscillation
+    damping: tuple[float, ...]
 
 
 def with_sections(arm: Arm, changes: Sequence[Mapping[str, Any]], name: str) -> Arm:
@@ -118,24 +128,60 @@ def fit_bending(arm: Arm, section: int, log: Log, schedule: Schedule) -> Bending
     return BendingFit(np.array(angles), np.array(moments), float(slope), float(offset), per_moment)
 
 
+def fit_oscillation(time: Array, deflection: Array) -> Oscillation:
+    """Least squares of exp(-decay t) (a cos wt + b sin wt) to a deflection about zero, from its release at t = 0."""
+    optimize = import_extra("scipy.optimize", extra="identify", purpose="Identification")
+
+    def left(rates: Array) -> Array:
+        decay, frequency = rates
+        phase = 2 * np.pi * frequency * time
+        envelope = np.exp(-decay * time)
+        waves = np.column_stack([envelope * np.cos(phase), envelope * np.sin(phase)])
+        return np.asarray(waves @ np.linalg.lstsq(waves, deflection, rcond=None)[0] - deflection)
+
+    dt = time[1] - time[0]
+    # The strongest line of the spectrum, padded so that the start lies within a fraction of its width.
+    spectrum = np.abs(np.fft.rfft(deflection - deflection.mean(), 8 * len(time)))
+    start = np.fft.rfftfreq(8 * len(time), dt)[np.argmax(spectrum)]
+    fit = optimize.least_squares(left, [0.5, start], x_scale=[0.5, 0.1])
+    decay, frequency = fit.x
+    return Oscillation(
+        frequency=float(frequency),
+        damping_ratio=float(decay / np.hypot(decay, 2 * np.pi * frequency)),
+        amplitude=float(np.abs(deflection).max()),
+        residual=float(np.sqrt(np.mean(fit.fun**2))),
+    )
+
+
 def fit_damping(arm: Arm, log: Log, release: float) -> DampingFit:
-    """Section IV-E: least squares between lateral deflections of all heads, measured and simulated."""
+    """Section IV-E: the damping with which the model's swing decays as the measured one does.
+
+    One swing gives one number: the ratio of damping to stiffness of the bellows, taken as a property of their material
+    and the same in all sections.
+    """
     optimize = import_extra("scipy.optimize", extra="identify", purpose="Identification")
     start, free = swing_from_release(log, release)
-    measured = lateral(arm, free)
-    times = np.arange(0.0, free.time[-1] - free.time[0], 5e-3)
-    target = np.column_stack([np.interp(times, free.time - free.time[0], x) for x in measured.T])
-    drive = Input.constant(free.pressures(arm.inputs).mean(axis=0), float(times[-1]))
+    time = free.time - free.time[0]
+    measured = fit_oscillation(time, lateral(arm, free)[:, -1])
+    drive = Input.constant(free.pressures(arm.inputs).mean(axis=0), float(time[-1]))
+    stiffness = [s.stiffness[0] for s in arm.parameters.sections]
 
-    def left(damping: Array) -> Array:
-        candidate = with_sections(arm, [{"damping": float(d)} for d in damping], arm.name)
-        heads = simulate(candidate, drive, dt=5e-3, q0=start).head_positions[:, :, 0]
-        rest = candidate.forward_kinematics(candidate.static_lengths(drive.pressures[0], start=start))[0][:, 0]
-        return np.asarray((heads[: len(times)] - rest - target).ravel())
+    def with_ratio(ratio: float) -> Arm:
+        return with_sections(arm, [{"damping": ratio * k} for k in stiffness], arm.name)
 
-    guess = np.full(arm.section_count, 10.0)
-    fit = optimize.least_squares(left, guess, bounds=(0.0, 200.0), x_scale=guess, diff_step=1e-3, xtol=1e-4)
-    return DampingFit(tuple(float(d) for d in fit.x), float(np.sqrt(np.mean(fit.fun**2))))
+    def too_much(ratio: float) -> float:
+        swung, deflection, _ = simulated_swing(with_ratio(ratio), drive, start)
+        return fit_oscillation(swung, deflection[:, -1]).damping_ratio - measured.damping_ratio
+
+    ratio = optimize.brentq(too_much, 1e-4, 0.1, xtol=1e-5)
+    return DampingFit(measured, tuple(ratio * k for k in stiffness))
+
+
+def simulated_swing(arm: Arm, drive: Input, start: Array) -> tuple[Array, Array, Array]:
+    """Times (m,), lateral deflections of all heads from their rest (m, n) and lengths (m, 3n) of a swing from rest."""
+    run = simulate(arm, drive, dt=5e-3, q0=start)
+    rest = arm.forward_kinematics(arm.static_lengths(drive.pressures[0], start=start))[0][:, 0]
+    return run.time, run.head_positions[:, :, 0] - rest, run.lengths
 
 
 def swing_from_release(log: Log, release: float) -> tuple[Array, Log]:

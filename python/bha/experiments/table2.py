@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from bha.experiments.laboratory import Laboratory
@@ -18,22 +20,22 @@ def run(lab: Laboratory) -> Outcome:
     def row(name: str, values: list[str]) -> list[str]:
         return [name, *values]
 
-    def span(low: float, high: float, digits: int) -> str:
-        return f"{low:.{digits}f} to {high:.{digits}f}"
+    def span(pair: Sequence[float], factor: float, digits: int) -> str:
+        return " to ".join(f"{factor * value:.{digits}f}" for value in pair)
 
     selected = Table(
         headings,
         [
             row("mass per section [kg]", [f"{s.mass:.2f}" for s in sections]),
-            row("pressure range, absolute [10⁵ Pa]", [span(*(p / 1e5 for p in s.pressure_range), 1) for s in sections]),
+            row("pressure range, absolute [10⁵ Pa]", [span(s.pressure_range, 1e-5, 1) for s in sections]),
             row(
                 "pressure force [N]",
-                [span(*(s.terminal_area * (p - ambient) for p in s.pressure_range), 0) for s in sections],
+                [span([p - ambient for p in s.pressure_range], s.terminal_area, 0) for s in sections],
             ),
-            row("bellows length range [m]", [span(*s.length_range, 2) for s in sections]),
+            row("bellows length range [m]", [span(s.length_range, 1.0, 2) for s in sections]),
             row(
                 "bellows volume [10⁻³ m³]",
-                [span(*(1e3 * s.terminal_area * q for q in s.length_range), 2) for s in sections],
+                [span(s.length_range, 1e3 * s.terminal_area, 2) for s in sections],
             ),
         ],
         "Table II for the virtual arm. The paper's own numbers are not legible in the text available to us; lengths "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,15 +91,15 @@ def reference_times(arm: Arm, states: Sequence[tuple[Array, Array, Array]], pres
     out = {}
     for label, rotational, coriolis in DYNAMIC:
         model = base.with_options(rotational_energy=rotational, coriolis_forces=coriolis)
-        out[label] = EVALUATIONS * _median([lambda s=s, m=model: reference.forward_dynamics(m, *s) for s in states])
+        out[label] = EVALUATIONS * _median([partial(reference.forward_dynamics, model, *state) for state in states])
     start = reference.static_lengths(base, pressures[0])
     solved = [start]
 
     def solve(p: Array) -> None:
         solved.append(reference.static_lengths(base, p, q_start=solved[-1]))
 
-    out[COUPLED] = _median([lambda p=p: solve(p) for p in pressures])
-    out[DECOUPLED] = _median([lambda p=p: reference.decoupled_static_lengths(base, p) for p in pressures])
+    out[COUPLED] = _median([partial(solve, p) for p in pressures])
+    out[DECOUPLED] = _median([partial(reference.decoupled_static_lengths, base, p) for p in pressures])
     return out
 
 
@@ -110,10 +111,7 @@ def core_times(lab: Laboratory, rounds: int) -> dict[str, float]:
     out = {}
     for label, rotational, coriolis in DYNAMIC:
         arm = lab.identified.with_changes(rotational_energy=rotational, coriolis_forces=coriolis)
-
-        def whole(arm: Arm = arm) -> None:
-            simulate(arm, log, method="rk4", step=1e-3, q0=start)
-
+        whole = partial(simulate, arm, log, method="rk4", step=1e-3, q0=start)
         out[label] = _median([whole] * rounds) / milliseconds
     arm = lab.identified
     pressures = log.pressures(arm.inputs)[1000:1400]
@@ -122,8 +120,8 @@ def core_times(lab: Laboratory, rounds: int) -> dict[str, float]:
     def solve(p: Array) -> None:
         solved.append(arm.static_lengths(p, start=solved[-1]))
 
-    out[COUPLED] = _median([lambda p=p: solve(p) for p in pressures])
-    out[DECOUPLED] = _median([lambda p=p: arm.static_lengths(p, coupled=False) for p in pressures])
+    out[COUPLED] = _median([partial(solve, p) for p in pressures])
+    out[DECOUPLED] = _median([partial(arm.static_lengths, p, coupled=False) for p in pressures])
     return out
 
 

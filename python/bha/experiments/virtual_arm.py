@@ -141,7 +141,7 @@ class VirtualArm:
             number: of the measurement; the noise of its sensors follows from it and the arm's seed.
             step: of the integration, s.
         """
-        time = np.arange(round(schedule.end / SAMPLING) + 1) * SAMPLING
+        time = SAMPLING * np.arange(round(schedule.end / SAMPLING) + 1, dtype=np.float64)
         pressures = self.chamber_pressures(schedule, time)
         forces = None
         if schedule.forces is not None:

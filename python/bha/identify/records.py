@@ -6,7 +6,6 @@ pressure was frozen while the arm moved on are found and left out of residuals; 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -74,6 +73,11 @@ class Record:
         for start, end in spans:
             usable[(self.time >= start) & (self.time <= end)] = False
         return replace(self, usable=usable)
+
+    def thinned(self, interval: float) -> Record:
+        """The same record with rows at least ``interval`` s apart; what drives the arm keeps all its samples."""
+        rows = _thinned(self.time, interval)
+        return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
 
     def predicted(self, lengths: Array, heads: Array) -> Array:
         """The record's channels out of predicted lengths (..., 3n) and head positions (..., n, 3), shape (..., C)."""
@@ -193,12 +197,22 @@ def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 
         pieces = 1 if length is None else max(1, round(rec.duration / length))
         edges = np.searchsorted(rec.time, np.linspace(rec.time[0], rec.time[-1], pieces + 1))
         edges[-1] = len(rec)
-        for first, last in itertools.pairwise(edges):
+        for first, last in zip(edges[:-1], edges[1:], strict=True):
             if last - first >= min_rows and rec.usable[first:last].any():
                 made.append(Window(number, int(first), int(last)))
     if not made:
         raise InputError(f"no window of {length} s has {min_rows} rows; choose longer windows")
     return made
+
+
+def some_of(pieces: Sequence[Window], records: Sequence[Record], budget: float) -> list[Window]:
+    """Windows spread evenly over all, lasting ``budget`` s together at the most; all of them if they last less."""
+    total = sum(records[w.record].time[w.last - 1] - records[w.record].time[w.first] for w in pieces)
+    if total <= budget:
+        return list(pieces)
+    count = max(2, int(len(pieces) * budget / total))
+    chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
+    return [pieces[k] for k in chosen]
 
 
 def _thinned(time: Array, interval: float) -> NDArray[np.int64]:

@@ -21,7 +21,7 @@ from bha.errors import ConvergenceError
 from bha.identify.engine import STEPS, Model
 from bha.identify.free import Coordinate, FreeParameter, resolve
 from bha.identify.initial import guess_state
-from bha.identify.records import Record, Window, windows
+from bha.identify.records import Record, Window, some_of, windows
 from bha.identify.solver import HUBER, Outcome, Point, Problem, Residuals, solve
 from bha.identify.uncertainty import Uncertainty, uncertainty
 
@@ -29,6 +29,15 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _MEDIAN_NORMAL = 0.6745
+#: The last search ends when a step gains less than this part of the loss, or less than a hundredth.
+_TOLERANCE = 1e-6
+#: Rows of all but the last stage are at least this far apart, and short windows last this long together, s.
+_COARSE_INTERVAL = 0.01
+#: Scales that change by less than this part are settled.
+_SETTLED = 0.05
+#: Error of the integrator's step that is allowed, in sensor noises.
+_STEP_SHARE = 0.1
+_SHORT_BUDGET = 20.0
 
 
 @dataclass(frozen=True)
@@ -142,33 +151,43 @@ def refine(
     tell = progress or (lambda _text, _fraction: None)
     problem: Problem | None = None
     outcome: Outcome | None = None
-    stages = len(settings.windows)
-    for stage, length in enumerate(settings.windows):
-        pieces = tuple(windows(records, length))
-        guesses = guess_states(model, z, pieces)
-        if stage == 0 or settings.step is None:
-            tell("choosing the step of the integrator", stage / (stages + 1))
-            model = replace(model, step=settings.step or choose_step(model, z, pieces, guesses))
-        final = stage == stages - 1
-        label = f"windows of {length:g} s" if length is not None else "whole logs"
+    stages = _stages(settings)
+    finer: float | None = None
+    for number, (length, interval, budget) in enumerate(stages):
+        final = number == len(stages) - 1
+        label = "whole logs" if length is None else f"windows of {length:g} s"
 
-        def report(iteration: int, cost: float, stage: int = stage, label: str = label) -> None:
-            done = (stage + 1.0 - 0.75**iteration) / (stages + 1)
-            tell(f"{label}, step {iteration + 1}, loss {cost:.4g}", done)
+        def report(iteration: int, cost: float, number: int = number, label: str = label) -> None:
+            tell(f"{label}, step {iteration + 1}, loss {cost:.4g}", (number + 1.0 - 0.75**iteration) / (len(stages) + 1))
 
-        residuals = Residuals(tuple(rec.noise for rec in records), settings.huber)
-        problem = Problem(model, pieces, residuals, guesses, (mean, deviation))
-        point = Point(z, guesses)
+        staged = replace(model, records=tuple(r.thinned(interval) for r in model.records))
+        if final and problem is not None and outcome is not None:
+            problem, states = _on_all_rows(problem, staged, outcome.point)
+        else:
+            problem = _stage_problem(staged, z, (mean, deviation), length, settings, budget)
+            states = problem.guesses
+        if finer is None:
+            tell("choosing the step of the integrator", number / (len(stages) + 1))
+        step = settings.step or choose_step(staged, z, problem.windows, states) * (finer or 1.0)
+        problem = replace(problem, model=replace(staged, step=step))
         outcome = fit_with_scales(
-            problem, point, max_iterations=settings.max_iterations if final else 15, final=final, progress=report
+            problem,
+            Point(z, states),
+            max_iterations=settings.max_iterations if final else 12,
+            tolerance=_TOLERANCE if final else 1e-3,
+            damping=1e-4 if number == 0 else 1e-7,
+            progress=report,
         )
-        problem = problem.rescaled(scales(problem, outcome.point, records))
+        problem = problem.rescaled(scales(problem, outcome.point))
         z = outcome.point.z
-    assert problem is not None
+        if final and settings.step is None and finer is None and _too_coarse(problem, outcome.point):
+            # What was fine enough at the start need not be at the end, where frequencies are others.
+            finer = 0.5
+            stages.append((length, 0.0, None))
     assert outcome is not None
-    tell("standard errors", stages / (stages + 1))
+    tell("standard errors", len(stages) / (len(stages) + 1))
     try:
-        normal = problem.normal(outcome.point)
+        normal = problem.normal(outcome.point, keep=True)
         known = uncertainty(problem, outcome.point, normal, seed=settings.seed, draws=settings.draws)
     except (ConvergenceError, np.linalg.LinAlgError):
         known = None
@@ -176,29 +195,73 @@ def refine(
     return Refinement(problem, outcome, known, clock.perf_counter() - began)
 
 
+def _stages(settings: Settings) -> list[tuple[float | None, float, float | None]]:
+    """Length of windows, interval of rows and budget of the stages: coarse and on a part first, on everything last."""
+    short = (_SHORT_BUDGET if length is not None and length <= 2.0 else None for length in settings.windows)
+    stages = [(length, _COARSE_INTERVAL, budget) for length, budget in zip(settings.windows, short, strict=True)]
+    return [*stages, (settings.windows[-1], 0.0, None)]
+
+
+def _on_all_rows(problem: Problem, model: Model, point: Point) -> tuple[Problem, Array]:
+    """The same windows with all rows of their records, and their initial states as they are."""
+    thin = problem.model.records
+    pieces = []
+    for w in problem.windows:
+        full = model.records[w.record].time
+        edges = thin[w.record].time[[w.first, w.last - 1]]
+        first, last = np.searchsorted(full, edges)
+        pieces.append(Window(w.record, int(first), int(last) + 1))
+    # The last rows of a record may lie behind its last thinned row.
+    for k, w in enumerate(pieces):
+        end = len(model.records[w.record]) if k + 1 == len(pieces) or pieces[k + 1].record != w.record else None
+        pieces[k] = replace(w, last=end or pieces[k + 1].first)
+    return replace(problem, model=model, windows=tuple(pieces)), point.states
+
+
+def _too_coarse(problem: Problem, point: Point) -> bool:
+    """Whether halving the integrator's step changes predictions by more than a fifth of the noise."""
+    model = problem.model
+    coarse = model.predict(point.z, problem.windows, point.states)
+    fine = replace(model, step=model.step / 2).predict(point.z, problem.windows, point.states)
+    return _step_error(model, problem.windows, coarse, fine) > 2.0 * _STEP_SHARE
+
+
+def _stage_problem(
+    model: Model,
+    z: Array,
+    prior: tuple[Array, Array],
+    length: float | None,
+    settings: Settings,
+    budget: float | None = None,
+) -> Problem:
+    pieces = windows(model.records, length)
+    if budget is not None:
+        pieces = some_of(pieces, model.records, budget)
+    residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber)
+    return Problem(model, tuple(pieces), residuals, guess_states(model, z, pieces), prior)
+
+
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
     """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
     arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
-    return np.stack(
-        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
-    )
+    return np.stack([guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces])
 
 
-def scales(problem: Problem, point: Point, records: Sequence[Record]) -> Residuals:
+def scales(problem: Problem, point: Point) -> Residuals:
     """Scale of each channel: its sensor noise, or the robust spread of its residuals where that is larger."""
-    spread = [[np.zeros(0)] * len(rec.channels) for rec in records]
-    for window, predicted in zip(
-        problem.windows, problem.model.predict(point.z, problem.windows, point.states), strict=True
-    ):
+    records = problem.model.records
+    errors: list[list[Array]] = [[] for _ in records]
+    predictions = problem.model.predict(point.z, problem.windows, point.states)
+    for window, predicted in zip(problem.windows, predictions, strict=True):
         rec = records[window.record]
         rows = slice(window.first, window.last)
-        error = rec.measured[rows] - predicted
-        for c in range(len(rec.channels)):
-            good = rec.usable[rows, c]
-            spread[window.record][c] = np.concatenate([spread[window.record][c], error[good, c]])
+        errors[window.record].append(np.where(rec.usable[rows], rec.measured[rows] - predicted, np.nan))
     found = []
-    for rec, columns in zip(records, spread, strict=True):
-        left = np.array([np.median(np.abs(c)) / _MEDIAN_NORMAL if len(c) else 0.0 for c in columns])
+    for rec, parts in zip(records, errors, strict=True):
+        error = np.vstack(parts) if parts else np.zeros((1, len(rec.channels)))
+        good = np.any(np.isfinite(error), axis=0)
+        left = np.array([np.nanmedian(np.abs(e)) if g else 0.0 for e, g in zip(error.T, good, strict=True)])
+        left /= _MEDIAN_NORMAL
         found.append(np.where(left > 1.05 * rec.noise, left, rec.noise))
     return replace(problem.residuals, scale=tuple(found))
 
@@ -208,66 +271,67 @@ def fit_with_scales(
     point: Point,
     *,
     max_iterations: int,
-    final: bool,
+    tolerance: float,
+    damping: float = 1e-4,
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
     """Minimise while the channels' scales shrink to what the model leaves; the last search keeps them."""
     total = 0
     outcome = Outcome(point, False, "not started", 0)
-    records = problem.model.records
-    for _ in range(8):
+    while total < max_iterations:
         before = problem.residuals.scale
-        problem = problem.rescaled(scales(problem, outcome.point, records))
+        problem = problem.rescaled(scales(problem, outcome.point))
         change = max(float(np.max(np.abs(np.log(a / b)))) for a, b in zip(problem.residuals.scale, before, strict=True))
-        if total and change < 0.03:
-            break
+        settled = change < _SETTLED or total > max_iterations // 2
         outcome = solve(
             problem,
             outcome.point,
-            max_iterations=min(6, max_iterations - total),
-            tolerance=1e-2,
+            max_iterations=max_iterations - total if settled else min(3, max_iterations - total),
+            tolerance=tolerance if settled else 1e-2,
+            damping=damping,
             progress=_shifted(progress, total),
         )
         total += max(1, outcome.iterations)
-        if total >= max_iterations:
+        if settled:
             break
-    if not final:
-        return outcome
-    outcome = solve(
-        problem, outcome.point, max_iterations=max(5, max_iterations - total), progress=_shifted(progress, total)
-    )
-    return replace(outcome, iterations=outcome.iterations + total)
+    return replace(outcome, iterations=total)
 
 
 def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable[[int, float], None] | None:
     return None if progress is None else lambda iteration, cost: progress(iteration + by, cost)
 
 
-def choose_step(model: Model, z: Array, pieces: Sequence[Window], states: Array, *, share: float = 0.1) -> float:
+def choose_step(
+    model: Model, z: Array, pieces: Sequence[Window], states: Array, *, share: float = _STEP_SHARE
+) -> float:
     """The longest step of the integrator whose error stays below ``share`` of every channel's noise.
 
-    The error is the change when the step is halved, root mean square over a few windows.
+    The error is the change when the step is halved, root mean square over a few windows. No step is longer than the
+    interval of the rows, on which all steps end.
 
     Raises:
-        ConvergenceError: no step is fine enough.
+        ConvergenceError: every step fails.
     """
     chosen = np.unique(np.linspace(0, len(pieces) - 1, min(4, len(pieces))).astype(int))
     some, their = [pieces[k] for k in chosen], states[chosen]
-    intervals = [np.median(np.diff(model.records[w.record].time[w.first : w.last])) for w in some]
+    interval = max(float(np.median(np.diff(model.records[w.record].time[w.first : w.last]))) for w in some)
+    steps = [s for s in STEPS if s <= 1.01 * interval] or [STEPS[-1]]
     coarse: list[Array] | None = None
-    for step in (s for s in (*STEPS, STEPS[-1] / 2) if s <= 2.0 * max(intervals)):
+    for step in (*steps, steps[-1] / 2):
         fine = replace(model, step=step).predict(z, some, their)
         if coarse is not None and _step_error(model, some, coarse, fine) < share:
             return 2.0 * step
         coarse = fine
-    if coarse is not None and not all(np.all(np.isfinite(c)) for c in coarse):
-        window = some[next(k for k, c in enumerate(coarse) if not np.all(np.isfinite(c)))]
+    assert coarse is not None
+    failed = [k for k, c in enumerate(coarse) if not np.all(np.isfinite(c))]
+    if failed:
+        window = some[failed[0]]
         rec = model.records[window.record]
         raise ConvergenceError(
             f"{rec.name}: the simulation with the starting values fails between {rec.time[window.first]:g} and "
             f"{rec.time[window.last - 1]:g} s with every step tried; start from values nearer to the arm's"
         )
-    return STEPS[-1] / 2
+    return steps[-1] / 2
 
 
 def _step_error(model: Model, some: Sequence[Window], coarse: list[Array], fine: list[Array]) -> float:

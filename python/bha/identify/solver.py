@@ -53,7 +53,10 @@ class Residuals:
     def cost(self, residuals: Array) -> float:
         """Sum of the loss; for plain least squares the sum of squares."""
         size = np.abs(residuals)
-        return float(np.sum(np.where(size <= self.huber, size**2, 2.0 * self.huber * size - self.huber**2)))
+        inside = np.minimum(size, self.huber)
+        outside = size - inside
+        linear = 2.0 * self.huber * outside if np.isfinite(self.huber) else 0.0
+        return float(np.sum(inside**2 + linear))
 
     def weights(self, residuals: Array) -> Array:
         """Square roots of the weights that make the loss a sum of squares at this point."""
@@ -96,14 +99,34 @@ class Outcome:
 
 
 @dataclass(frozen=True)
+class Block:
+    """A window's linearization: weighed residuals (rows, C) and their derivatives by z (..., p) and state (..., 6n)."""
+
+    residual: Array
+    by_z: Array
+    by_state: Array
+    mask: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Normal:
-    """Normal equations of one linearization, initial states kept apart window by window."""
+    """Normal equations of one linearization, initial states kept apart window by window.
+
+    Attributes:
+        h: by the parameters, priors included, shape (p, p).
+        g: right-hand side, shape (p,).
+        h_state: by each window's initial state, shape (windows, 6n, 6n).
+        g_state: right-hand sides, shape (windows, 6n).
+        h_mixed: between the two, shape (windows, 6n, p).
+        blocks: what they were made of, if asked for.
+    """
 
     h: Array
     g: Array
     h_state: Array
     g_state: Array
     h_mixed: Array
+    blocks: tuple[Block, ...] | None = None
 
     def reduced(self, damping: float = 0.0) -> tuple[Array, Array]:
         """Matrix and right-hand side for the parameters alone, initial states eliminated."""
@@ -163,8 +186,9 @@ class Problem:
                 return window
         return None
 
-    def normal(self, point: Point) -> Normal:
+    def normal(self, point: Point, *, keep: bool = False) -> Normal:
         """Normal equations at a point; of the gradients the descent direction, -1/2 of the loss' derivative."""
+        blocks = []
         p, w, s = len(point.z), len(self.windows), self.guesses.shape[1]
         mean, deviation = self.prior
         h, g = np.diag(deviation**-2.0), (mean - point.z) / deviation**2
@@ -173,14 +197,17 @@ class Problem:
         linear = self.model.linearize(point.z, self.windows, point.states)
         for k, (window, (predicted, by_z, by_state)) in enumerate(zip(self.windows, linear, strict=True)):
             residual, mask = self.residuals.scaled(self.model, window, predicted)
-            weight = (self.residuals.weights(residual) * mask / self.residuals.scale[window.record])[mask]
-            a, b = by_z[mask] * weight[:, None], by_state[mask] * weight[:, None]
-            r = (self.residuals.weights(residual) * residual)[mask]
+            weight = self.residuals.weights(residual)
+            factor = (weight * mask / self.residuals.scale[window.record])[..., None]
+            block = Block(weight * residual, by_z * factor, by_state * factor, mask)
+            a, b, r = block.by_z.reshape(mask.size, p), block.by_state.reshape(mask.size, s), block.residual.ravel()
             h, g = h + a.T @ a, g + a.T @ r
             h_state[k] = b.T @ b + np.diag(state_precision)
             g_state[k] = b.T @ r + state_precision * (self.guesses[k] - point.states[k])
             h_mixed[k] = b.T @ a
-        return Normal(h, g, h_state, g_state, h_mixed)
+            if keep:
+                blocks.append(block)
+        return Normal(h, g, h_state, g_state, h_mixed, tuple(blocks) if keep else None)
 
     def rescaled(self, residuals: Residuals) -> Problem:
         """The same problem with residuals weighed otherwise."""
@@ -188,9 +215,7 @@ class Problem:
 
     def _prior_cost(self, z: Array, states: Array) -> float:
         mean, deviation = self.prior
-        return float(
-            np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2)
-        )
+        return float(np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2))
 
 
 def solve(
@@ -199,6 +224,7 @@ def solve(
     *,
     max_iterations: int = 40,
     tolerance: float = 1e-6,
+    damping: float = 1e-4,
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
     """Minimise the loss from a point.
@@ -209,6 +235,7 @@ def solve(
         max_iterations: most steps.
         tolerance: converged when a full step is expected to lower the loss by less than this part of it (or by less
             than a hundredth, where one standard error of one parameter changes it by one).
+        damping: relative damping of the first step.
         progress: called with the number of steps and the loss.
 
     Returns:
@@ -221,7 +248,7 @@ def solve(
     if not np.isfinite(best.cost):
         raise ConvergenceError(_failure_text(problem, start))
     bounds = np.array([coordinate.bounds for coordinate in problem.model.coordinates]).reshape(-1, 2)
-    damping, history = 1e-3, [best.cost]
+    history = [best.cost]
     gain = np.inf
     for iteration in range(max_iterations):
         if progress is not None:
@@ -240,14 +267,14 @@ def solve(
             trial = problem.evaluated(z, states)
             if trial.cost < best.cost:
                 break
-            damping *= 8.0
+            damping = max(10.0 * damping, 1e-6)
             if damping > _LARGEST_DAMPING:
                 done = gain < 1e-3 * best.cost
                 message = "no step lowers the loss" + ("" if done else ", though one should")
                 return Outcome(best, done, message, iteration, tuple(history))
         best = trial
         history.append(best.cost)
-        damping = max(damping / 5.0, 1e-9)
+        damping = max(damping / 10.0, 1e-10)
     return Outcome(best, False, f"not converged after {max_iterations} steps", max_iterations, tuple(history))
 
 

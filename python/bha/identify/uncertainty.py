@@ -54,23 +54,20 @@ class Projection:
     mask: NDArray[np.bool_]
 
 
-def projections(problem: Problem, point: Point, normal: Normal) -> list[Projection]:
+def projections(normal: Normal) -> list[Projection]:
     """Per window what its residuals say about the parameters once its own initial state has been fitted."""
+    assert normal.blocks is not None
     found = []
-    linear = problem.model.linearize(point.z, problem.windows, point.states)
-    for k, (window, (predicted, by_z, by_state)) in enumerate(zip(problem.windows, linear, strict=True)):
-        residual, mask = problem.residuals.scaled(problem.model, window, predicted)
-        weight = problem.residuals.weights(residual)
-        scale = (weight * mask / problem.residuals.scale[window.record])[..., None]
+    for k, block in enumerate(normal.blocks):
         gain = np.linalg.solve(normal.h_state[k], normal.h_mixed[k])
-        found.append(Projection((by_z - by_state @ gain) * scale, weight * residual, mask))
+        found.append(Projection(block.by_z - block.by_state @ gain, block.residual, block.mask))
     return found
 
 
 def uncertainty(problem: Problem, point: Point, normal: Normal, *, seed: int = 0, draws: int = DRAWS) -> Uncertainty:
-    """Covariance of the coordinates at the minimum ``point`` with its normal equations ``normal``."""
+    """Covariance of the coordinates at the minimum ``point`` with its normal equations, blocks kept."""
     h, _ = normal.reduced()
-    parts = projections(problem, point, normal)
+    parts = projections(normal)
     inverse = _inverse(h)
     pressures = inverse @ _pressure_scores(problem, point, parts, seed, draws) @ inverse if draws else 0.0 * inverse
     rows, seconds = _correlation_rows(problem, parts)

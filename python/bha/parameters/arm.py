@@ -220,6 +220,7 @@ class ArmParameters(Table):
                 "mass": section.mass,
                 "inertia": section.resolved_inertia(),
                 "center_of_mass": section.center_of_mass,
+                "force_point": section.force_point,
                 "bellows_radius": section.bellows_radius,
                 "base_offset": section.base_offset,
                 "head_offset": section.head_offset,

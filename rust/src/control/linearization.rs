@@ -1,15 +1,11 @@
 //! The linear model around a state: x' = A x + B p in deviations, x = (q, q').
 //!
-//! Exact derivatives of the equations of motion (48) by dual numbers, a few columns at a time.
+//! Exact derivatives of the equations of motion (48), [`crate::dynamics::derivatives`].
 
 use crate::arm::Arm;
-use crate::dynamics::Workspace;
-use crate::dynamics::recursion::forward_dynamics_into;
-use crate::real::{Dual, Real};
+use crate::dynamics::derivatives::{Point, differentiator};
+use crate::real::InstructionSet;
 use nalgebra::DMatrix;
-
-/// Columns of the Jacobian taken abreast; the same as in statics, so that the model is compiled for it once.
-const BLOCK: usize = 3;
 
 /// A (2m x 2m) and B (2m x inputs), m coordinates.
 #[derive(Clone, Debug)]
@@ -23,28 +19,19 @@ pub struct Linearization {
 /// The linearization of `arm` at lengths `q`, rates `qd` and pressures `p` (Pa absolute).
 pub fn linearize(arm: &Arm, q: &[f64], qd: &[f64], p: &[f64]) -> Linearization {
     let (m, inputs) = (arm.coordinates(), arm.inputs);
-    let lifted = arm.lift::<Dual<BLOCK>>();
-    let mut ws = Workspace::new(&lifted);
     let mut state = DMatrix::zeros(2 * m, 2 * m);
     let mut input = DMatrix::zeros(2 * m, inputs);
     for k in 0..m {
         state[(k, m + k)] = 1.0;
     }
-    let mut qdd = vec![Dual::zero(); m];
-    for first in (0..2 * m + inputs).step_by(BLOCK) {
-        let seeded = |values: &[f64], offset: usize| -> Vec<Dual<BLOCK>> {
-            let direction = |k: usize| (offset + k).checked_sub(first).unwrap_or(BLOCK);
-            values.iter().enumerate().map(|(k, &x)| Dual::variable(x, direction(k))).collect()
-        };
-        let (q, qd, p) = (seeded(q, 0), seeded(qd, m), seeded(p, 2 * m));
-        forward_dynamics_into(&lifted, &q, &qd, &p, None, &mut ws, &mut qdd);
-        for (row, value) in qdd.iter().enumerate() {
-            for (k, d) in value.derivative.iter().enumerate() {
-                match first + k {
-                    column if column < 2 * m => state[(m + row, column)] = *d,
-                    column if column < 2 * m + inputs => input[(m + row, column - 2 * m)] = *d,
-                    _ => {}
-                }
+    let (mut qdd, mut rows) = (vec![0.0; m], vec![0.0; m * (2 * m + inputs)]);
+    differentiator(arm, &[], InstructionSet::best()).run(Point { q, qd, p, f_ext: None }, &mut qdd, &mut rows);
+    for (direction, row) in rows.chunks_exact(m).enumerate() {
+        for (k, d) in row.iter().enumerate() {
+            if direction < 2 * m {
+                state[(m + k, direction)] = *d;
+            } else {
+                input[(m + k, direction - 2 * m)] = *d;
             }
         }
     }
@@ -66,6 +53,8 @@ impl Linearization {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::Workspace;
+    use crate::dynamics::recursion::forward_dynamics_into;
     use crate::dynamics::testing::{arms, states};
     use proptest::prelude::*;
 

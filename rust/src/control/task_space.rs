@@ -80,7 +80,8 @@ impl ResolvedMotion {
                     None => Ok(()),
                     Some(k) => Err(Error::Convergence(format!(
                         "the tip {:?} is reached only with length {} of section {} at {:.4} m, outside {:.4} to {:.4}
-                        m", tip.position.0,
+                        m",
+                        tip.position.0,
                         k % 3 + 1,
                         k / 3 + 1,
                         q[k],

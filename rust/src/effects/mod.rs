@@ -117,6 +117,8 @@ pub struct Definition {
     pub place: Place,
     /// The parts of the arm that this means.
     pub target: Target,
+    /// Ambient pressure of the arm, Pa.
+    pub ambient_pressure: f64,
     /// The program of a formula.
     pub program: Option<Arc<formula::Program>>,
 }

@@ -121,6 +121,13 @@ impl<T: Real> Integrator<T> {
         &self.x
     }
 
+    /// The same, to change it: the next step begins there.
+    pub fn state_mut(&mut self) -> &mut [T] {
+        self.fresh = false;
+        self.carry = false;
+        &mut self.x
+    }
+
     /// Runs to the last of `outputs` (ascending) and hands (time, state) at each to `sink`. `stop` is asked now and then.
     ///
     /// # Errors
@@ -200,10 +207,7 @@ impl<T: Real> Integrator<T> {
     /// Takes over the new state in `stage` unless it cannot be gone on from.
     #[inline(always)]
     fn accept<S: System<T>>(&mut self, system: &mut S, t1: f64) -> Result<()> {
-        if !self.stage.iter().all(|x| x.is_finite()) {
-            return Err(self.failure("the state is no longer finite; try a smaller step or tolerance".to_owned()));
-        }
-        if let Some(reason) = system.objection(&self.stage) {
+        if let Some(reason) = system.inspect(self.t, &mut self.stage) {
             return Err(self.failure(reason));
         }
         system.end_step(t1, &self.stage);

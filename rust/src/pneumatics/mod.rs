@@ -139,9 +139,8 @@ impl Pneumatics<f64> {
         })
     }
 
-    /// The same over another scalar.
-    pub fn lift<T: Real>(&self) -> Pneumatics<T> {
-        let c = T::from_f64;
+    /// The same over another scalar, number by number.
+    pub fn map<T: Real>(&self, c: impl Fn(f64) -> T + Copy) -> Pneumatics<T> {
         Pneumatics {
             level: self.level,
             fill_time: c(self.fill_time),
@@ -240,16 +239,22 @@ impl<T: Real> Chambers<T> {
         })
     }
 
-    /// A step of the arm from (`t0`, lengths `q`, rates `qd`) to `t1` begins; `reference` gives each input's commanded
-    /// pressure at the start and at the end.
+    /// Puts the lanes that `which` says to rest at lengths `q` under pressures `p`.
+    pub fn restart(&mut self, arm: &Arm<T>, which: impl Fn(usize) -> bool + Copy, q: &[T], p: &[T]) {
+        let Some(fresh) = Self::new(arm, q, p) else { return };
+        let put = |new: T, old: T| T::from_lanes(|k| if which(k) { new.lane(k) } else { old.lane(k) });
+        for (now, new) in self.now.iter_mut().zip(fresh.now) {
+            now.content = put(new.content, now.content);
+            now.spool = put(new.spool, now.spool);
+            now.integral = put(new.integral, now.integral);
+        }
+        self.next.copy_from_slice(&self.now);
+    }
+
+    /// A step of the arm from (`t0`, lengths `q`, rates `qd`) to `t1` begins; `commands` are the commanded pressures at
+    /// its start and at its end.
     #[inline(always)]
-    pub fn begin_step(
-        &mut self,
-        arm: &Arm<T>,
-        (t0, t1): (f64, f64),
-        (q, qd): (&[T], &[T]),
-        reference: impl Fn(usize) -> (T, T),
-    ) {
+    pub fn begin_step(&mut self, arm: &Arm<T>, (t0, t1): (f64, f64), (q, qd): (&[T], &[T]), commands: &[Vec<T>; 2]) {
         let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
         let h = t1 - t0;
         self.start = t0;
@@ -260,7 +265,7 @@ impl<T: Real> Chambers<T> {
             chamber::volumes(arm, pneumatics.dead_volume, qd, true, &mut self.rates);
         }
         for (j, drive) in self.drives.iter_mut().enumerate() {
-            let (from, to) = reference(j);
+            let (from, to) = (commands[0][j], commands[1][j]);
             *drive = Drive {
                 reference: from,
                 reference_rate: (to - from) * (1.0 / h),

@@ -141,15 +141,16 @@ fn lag_is_exact() {
     let q = vec![0.2; arm.coordinates()];
     let p = vec![1.0e5; arm.inputs];
     let mut chambers = Chambers::new(&arm, &q, &p).unwrap();
+    let held = |p: f64| [vec![p; arm.inputs], vec![p; arm.inputs]];
     let mut out = p.clone();
     for k in 0..100 {
         let t = 1e-3 * f64::from(k);
-        chambers.begin_step(&arm, (t, t + 1e-3), (&q, &q), |_| (2.0e5, 2.0e5));
+        chambers.begin_step(&arm, (t, t + 1e-3), (&q, &q), &held(2.0e5));
         chambers.pressures(&arm, t + 5e-4, &q, &mut out);
         assert!((out[0] - (2e5 - 1e5 * (-(t + 5e-4) / 0.03).exp())).abs() < 1e-6);
         chambers.end_step();
     }
-    chambers.begin_step(&arm, (0.1, 0.15), (&q, &q), |_| (1.0e5, 1.0e5));
+    chambers.begin_step(&arm, (0.1, 0.15), (&q, &q), &held(1.0e5));
     let before = 2e5 - 1e5 * (-0.1_f64 / 0.03).exp();
     chambers.pressures(&arm, 0.15, &q, &mut out);
     assert!((out[0] - (1e5 + (before - 1e5) * (-1.0_f64).exp())).abs() < 1e-6);
@@ -186,7 +187,7 @@ proptest! {
         let (q, qd, p) = (seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
         let mut chambers = Chambers::new(&arm, &q, &p).unwrap();
         let masses: Vec<f64> = chambers.masses().collect();
-        chambers.begin_step(&arm, (0.0, 1e-3), (&q, &qd), |j| (p[j], p[j]));
+        chambers.begin_step(&arm, (0.0, 1e-3), (&q, &qd), &[p.clone(), p.clone()]);
         chambers.end_step();
         let after: Vec<f64> = q.iter().map(|q| 0.9 * q).collect();
         let mut out = p.clone();

@@ -8,6 +8,7 @@ use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
 use crate::control::{Controller, ControllerParameters, Limits, Target, linearization};
 use crate::error::Error;
+use crate::fleet::{Fleet, Start};
 use crate::linear::Vec3;
 use nalgebra::DMatrix;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
@@ -109,6 +110,68 @@ fn observation<'py>(py: Python<'py>, stepper: &Stepper) -> Vector<'py> {
         slice[q.len()..].copy_from_slice(p);
     }
     out
+}
+
+/// Many plants of one arm, stepped together.
+#[pyclass(name = "Fleet", module = "bha._core", frozen)]
+pub struct PyFleet {
+    fleet: Mutex<Fleet>,
+}
+
+#[pymethods]
+impl PyFleet {
+    /// `count` plants of `arm`, all at rest at lengths `q` (3n,) under pressures `p` (inputs,).
+    #[new]
+    #[pyo3(signature = (arm, count, q, p, step = 5e-3, threads = 0))]
+    fn new(
+        arm: &Bound<'_, PyArm>,
+        count: usize,
+        q: &Bound<'_, PyAny>,
+        p: &Bound<'_, PyAny>,
+        step: f64,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let py = arm.py();
+        let arm = arm.get().arm.clone();
+        let (q, p) = (vector(q, "q", arm.coordinates())?, vector(p, "p", arm.inputs)?);
+        let start = Start { q: q.as_slice()?, p: p.as_slice()? };
+        let fleet = Fleet::new(&arm, count, start, step, threads).map_err(|e| to_python(py, &e))?;
+        Ok(Self { fleet: Mutex::new(fleet) })
+    }
+
+    /// Puts plants `indices` (k,) at rest at lengths `q` (k, 3n) under pressures `p` (k, inputs); returns the rows of all.
+    fn reset<'py>(&self, indices: Vec<usize>, q: &Bound<'py, PyAny>, p: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
+        let py = q.py();
+        let mut fleet = self.fleet.try_lock().map_err(|_| busy(py, "fleet"))?;
+        let (m, inputs, count) = (fleet.coordinates(), fleet.inputs(), fleet.count());
+        let (q, p) = (matrix(q, "q", (indices.len(), m))?, matrix(p, "p", (indices.len(), inputs))?);
+        let rows = q.as_slice()?.chunks_exact(m).zip(p.as_slice()?.chunks_exact(inputs));
+        for (&k, (q, p)) in indices.iter().zip(rows) {
+            if k >= count {
+                return Err(input(py, format!("indices: {k}; 0 to {} are allowed", count - 1)));
+            }
+            fleet.reset(k, Start { q, p });
+        }
+        let mut out = vec![0.0; count * fleet.width()];
+        fleet.read(&mut out);
+        shaped(py, out, [count, fleet.width()])
+    }
+
+    /// Holds commands `p` (count, inputs), Pa absolute, for `dt` s; returns rows of (lengths, rates, chamber pressures, tip) and
+    /// which plants diverged (they are back where they began last).
+    fn step<'py>(&self, p: &Bound<'py, PyAny>, dt: f64) -> PyResult<(Matrix<'py>, Bound<'py, PyArray1<bool>>)> {
+        let py = p.py();
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(input(py, format!("dt: {dt}; a positive number of seconds is needed")));
+        }
+        let mut fleet = self.fleet.try_lock().map_err(|_| busy(py, "fleet"))?;
+        let (count, width) = (fleet.count(), fleet.width());
+        let p = matrix(p, "p", (count, fleet.inputs()))?;
+        let p = p.as_slice()?;
+        let (mut failed, mut out) = (vec![false; count], vec![0.0; count * width]);
+        py.detach(|| fleet.step(p, dt, &mut failed, &mut out));
+        Ok((shaped(py, out, [count, width])?, failed.into_pyarray(py)))
+    }
 }
 
 /// A controller of the core.

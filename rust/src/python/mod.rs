@@ -22,6 +22,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<simulation::PySimulation>()?;
     m.add_class::<control::PyStepper>()?;
     m.add_class::<control::PyController>()?;
+    m.add_class::<control::PyFleet>()?;
     m.add_function(wrap_pyfunction!(control::closed_loop, m)?)?;
     m.add_function(wrap_pyfunction!(control::rest_near, m)?)?;
     m.add_function(wrap_pyfunction!(control::resolved_motion, m)?)?;
@@ -29,6 +30,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
     m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
+    m.add_function(wrap_pyfunction!(batch::instruction_sets, m)?)?;
     m.add_function(wrap_pyfunction!(effects::effect_kinds, m)?)?;
     m.add_function(wrap_pyfunction!(effects::formula_fault, m)?)?;
     table::register(m)

@@ -50,7 +50,7 @@ impl<T: Real> PressureLag<T> {
 
 impl<T: Real> Effect<T> for PressureLag<T> {
     const SUMMARY: &'static str = "acting pressure lags behind, with time constants for filling and venting";
-    const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Input];
+    const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Input];
     const PARAMETERS: &'static [Parameter] = &[
         Parameter::new("fill", "s", 1e-4..=100.0, "time constant while the pressure rises"),
         Parameter::new("vent", "s", 1e-4..=100.0, "time constant while it falls"),

@@ -17,7 +17,7 @@ pub struct ValveDeadBand<T> {
 
 impl<T: Real> Effect<T> for ValveDeadBand<T> {
     const SUMMARY: &'static str = "pressure follows only beyond a band";
-    const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Input];
+    const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Input];
     const PARAMETERS: &'static [Parameter] = &[Parameter::new("band", "Pa", 0.0..=1e5, "half width of the band")];
 
     fn new(definition: &Definition, values: &[T]) -> Self {

@@ -25,6 +25,7 @@ pub fn parameters(effects: &[EffectParameters]) -> ArmParameters {
         mass,
         inertia,
         center_of_mass: [0.004, -0.003, 0.002],
+        force_point: None,
         bellows_radius: radius,
         base_offset: 0.01,
         head_offset: 0.02,

@@ -1,0 +1,34 @@
+"""Names of parameters as one says them: ``section.3.mass`` is the mass of section 3."""
+
+from __future__ import annotations
+
+from bha.parameters import paths
+
+_POWERS = {"1": "linear", "2": "quadratic", "3": "cubic"}
+
+
+def spoken(path: str) -> str:
+    """A parameter in words."""
+    steps = path.split(".")
+    key = paths.key_of(path) if not paths.is_group(path) else next(s for s in reversed(steps) if s != "*")
+    words = key.replace("_", " ")
+    last = steps[-1]
+    if key == "stiffness" and last.isdigit():
+        words = f"{_POWERS.get(last, f'power {last}')} stiffness"
+    elif key == "bending_stiffness" and last.isdigit():
+        words = "bending stiffness" if last == "1" else "cubic bending stiffness"
+    elif last in paths.AXES:
+        words += f" along {last}"
+    if steps[0] == "section":
+        place = "all sections" if steps[1] == "*" else f"section {steps[1]}"
+        if len(steps) > 3 and steps[2] == "bellows":
+            place = ("all bellows of " if steps[3] == "*" else f"bellows {steps[3]} of ") + place
+        words += f" of {place}"
+    elif steps[0] == "effect":
+        words += f" of effect {steps[1]}"
+    return words
+
+
+def joined(items: list[str]) -> str:
+    """``a``, ``a and b``, ``a, b and c``."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"

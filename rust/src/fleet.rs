@@ -1,0 +1,314 @@
+//! Many steppers abreast: one arm, held pressures, in the lanes of the processor and over its cores.
+//!
+//! For learning: thousands of environments that are stepped together and reset one by one. A lane that diverges is put back to
+//! rest and reported; the others do not notice. Every environment is computed by itself, so the result does not depend on
+//! the number of threads.
+
+use crate::arm::Arm;
+use crate::effects::pressures::PressureChain;
+use crate::effects::upstream::History;
+use crate::error::{Error, Result};
+use crate::input::{Input, Interpolation};
+use crate::integrate::{Integrator, Method, Options, System};
+use crate::kinematics::chain::{Link, Motion, pass};
+use crate::plant::Plant;
+use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
+use crate::real::{Kernel, Real};
+use rayon::prelude::*;
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// Environments of one arm.
+pub struct Fleet {
+    blocks: Vec<Box<dyn Abreast>>,
+    lanes: usize,
+    count: usize,
+    width: usize,
+    inputs: usize,
+    coordinates: usize,
+    pool: rayon::ThreadPool,
+}
+
+/// Where an environment begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<'a> {
+    /// Lengths, m.
+    pub q: &'a [f64],
+    /// Pressures in the chambers and commanded, Pa absolute.
+    pub p: &'a [f64],
+}
+
+/// Environments in the lanes of one scalar.
+trait Abreast: Send + Debug {
+    /// Puts lane `lane` at a start, at rest there and then.
+    fn reset(&mut self, lane: usize, start: Start<'_>);
+    /// Holds the pressures `p`, row by row, for `dt` s; sets `failed` for lanes that diverged and are back at their start.
+    fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool]);
+    /// Rows of (lengths, rates, chamber pressures, tip) into `out`.
+    fn read(&mut self, out: &mut [f64]);
+}
+
+impl Fleet {
+    /// `count` environments of `arm`, all at `start`; RK4 with steps of at most `step` s; `threads` 0: as many as cores.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for sizes or values that do not fit.
+    pub fn new(arm: &Arc<Arm>, count: usize, start: Start<'_>, step: f64, threads: usize) -> Result<Self> {
+        if !(step.is_finite() && step > 0.0) {
+            return Err(Error::Input(format!("step: {step}; a positive number of seconds is needed")));
+        }
+        if count == 0 {
+            return Err(Error::Input("count: 0; at least one environment is needed".to_owned()));
+        }
+        let set = InstructionSet::best();
+        let lanes = set.lanes();
+        let (inputs, coordinates) = (arm.inputs, arm.coordinates());
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| Error::Input(format!("threads: {threads}; {e}")))?;
+        if PressureChain::new(arm, &History::new(0.0, start.p), 0.0).is_some() {
+            return Err(Error::Input(
+                "this arm has effects on pressures, which environments that are reset one by one do not support; take them \
+                 away with with_effects"
+                    .to_owned(),
+            ));
+        }
+        let none = Input::new(vec![0.0], (start.p.to_vec(), inputs), (Vec::new(), 0), Interpolation::Hold)?;
+        let none = Arc::new(none);
+        let build = || dispatch(set, Build { arm, none: &none, start, step });
+        let blocks = (0..count.div_ceil(lanes)).map(|_| build()).collect();
+        Ok(Self { blocks, lanes, count, width: 2 * coordinates + inputs + 3, inputs, coordinates, pool })
+    }
+
+    /// Number of environments.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Numbers in a row of [`Fleet::read`].
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Pressure inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Coordinates.
+    pub fn coordinates(&self) -> usize {
+        self.coordinates
+    }
+
+    /// Puts environment `k` at a start, at rest.
+    pub fn reset(&mut self, k: usize, start: Start<'_>) {
+        self.blocks[k / self.lanes].reset(k % self.lanes, start);
+    }
+
+    /// Holds the pressures `p` (a row an environment) for `dt` s, then writes the rows of all into `out` (see
+    /// [`Fleet::read`]). `failed` says which diverged: they are back where they began last.
+    pub fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool], out: &mut [f64]) {
+        let (lanes, inputs, width) = (self.lanes, self.inputs, self.width);
+        failed.fill(false);
+        let blocks = &mut self.blocks;
+        self.pool.install(|| {
+            blocks
+                .par_iter_mut()
+                .zip(p.par_chunks(lanes * inputs))
+                .zip(failed.par_chunks_mut(lanes))
+                .zip(out.par_chunks_mut(lanes * width))
+                .with_min_len(8)
+                .for_each(|(((block, p), failed), out)| {
+                    block.step(p, dt, failed);
+                    block.read(out);
+                });
+        });
+    }
+
+    /// Rows of (lengths, rates, chamber pressures, tip position) into `out`: m, m/s, Pa absolute, m.
+    pub fn read(&mut self, out: &mut [f64]) {
+        let (lanes, width) = (self.lanes, self.width);
+        let blocks = &mut self.blocks;
+        self.pool.install(|| {
+            blocks.par_iter_mut().zip(out.par_chunks_mut(lanes * width)).for_each(|(block, out)| block.read(out));
+        });
+    }
+}
+
+struct Build<'a> {
+    arm: &'a Arc<Arm>,
+    none: &'a Arc<Input>,
+    start: Start<'a>,
+    step: f64,
+}
+
+impl AnyLanes for Build<'_> {
+    type Output = Box<dyn Abreast>;
+    fn with<T: Real>(self) -> Self::Output {
+        let arm = Arc::new(self.arm.lift::<T>());
+        let constant = |x: &[f64]| x.iter().map(|&x| T::from_f64(x)).collect::<Vec<T>>();
+        let (q, p) = (constant(self.start.q), constant(self.start.p));
+        let mut x = q.clone();
+        x.resize(2 * q.len(), T::zero());
+        let mut plant = Plant::new(arm.clone(), self.none.clone());
+        plant.hold(&p);
+        let mut plant = plant.with_pneumatics(0.0, &q);
+        plant.begin(0.0, &x);
+        let options = plant.suited(Options { method: Method::Rk4, step: self.step, ..Options::default() });
+        Box::new(Block {
+            integrator: Integrator::new(options, 0.0, &x),
+            guard: Guard { plant, parked: x, failed: false },
+            links: vec![Link::base(); arm.sections.len()],
+            chambers: p.clone(),
+            starts: p.clone(),
+            commands: p,
+            arm,
+        })
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Block<T> {
+    arm: Arc<Arm<T>>,
+    guard: Guard<T>,
+    integrator: Integrator<T>,
+    links: Vec<Link<T>>,
+    /// Chamber pressures, those at the start, and commands.
+    chambers: Vec<T>,
+    starts: Vec<T>,
+    commands: Vec<T>,
+}
+
+/// A plant whose steps are always accepted: lanes that diverge are put back to their start.
+#[derive(Clone, Debug)]
+struct Guard<T> {
+    plant: Plant<T>,
+    parked: Vec<T>,
+    failed: bool,
+}
+
+impl<T: Real> System<T> for Guard<T> {
+    #[inline(always)]
+    fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        self.plant.begin_step(t0, t1, x0);
+    }
+    #[inline(always)]
+    fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
+        self.plant.derivative(t, x, dx);
+    }
+    #[inline(always)]
+    fn end_step(&mut self, t1: f64, x1: &[T]) {
+        self.plant.end_step(t1, x1);
+    }
+    #[inline(always)]
+    fn inspect(&mut self, _t0: f64, x1: &mut [T]) -> Option<String> {
+        // The rest of the step of a lane that failed is of no use to anyone; it only must stay finite.
+        if !x1.iter().all(|x| x.is_finite()) || self.plant.objection(x1).is_some() {
+            self.failed = true;
+        }
+        None
+    }
+}
+
+/// One step of a block as a kernel.
+struct Step<'a, T> {
+    guard: &'a mut Guard<T>,
+    integrator: &'a mut Integrator<T>,
+    dt: f64,
+}
+
+impl<T: Real> Kernel for Step<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let end = self.integrator.time() + self.dt;
+        // Nothing is refused (see Guard), and a fixed step has no other way to fail.
+        let _ = self.integrator.run(self.guard, &[end], &mut |_, _| {}, &mut || false);
+    }
+}
+
+/// Puts `new` into the lanes of `x` that `which` says.
+fn put<T: Real>(which: impl Fn(usize) -> bool, new: &[T], x: &mut [T]) {
+    for (x, n) in x.iter_mut().zip(new) {
+        *x = T::from_lanes(|k| if which(k) { n.lane(k) } else { x.lane(k) });
+    }
+}
+
+impl<T: Real> Block<T> {
+    /// Puts lanes back to their start; the others go on.
+    fn restart(&mut self, which: impl Fn(usize) -> bool + Copy) {
+        put(which, &self.starts, &mut self.commands);
+        put(which, &self.starts, &mut self.chambers);
+        put(which, &self.guard.parked, self.integrator.state_mut());
+        self.guard.plant.restart(which, self.integrator.state(), &self.commands);
+    }
+}
+
+impl<T: Real> Abreast for Block<T> {
+    fn reset(&mut self, lane: usize, start: Start<'_>) {
+        let m = start.q.len();
+        for (k, x) in self.guard.parked.iter_mut().enumerate() {
+            let value = if k < m { start.q[k] } else { 0.0 };
+            *x = T::from_lanes(|j| if j == lane { value } else { x.lane(j) });
+        }
+        for (p, value) in self.starts.iter_mut().zip(start.p) {
+            *p = T::from_lanes(|j| if j == lane { *value } else { p.lane(j) });
+        }
+        self.restart(|k| k == lane);
+    }
+
+    fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool]) {
+        let (inputs, used) = (self.commands.len(), failed.len());
+        for (j, command) in self.commands.iter_mut().enumerate() {
+            *command = T::from_lanes(|k| p[k.min(used - 1) * inputs + j]);
+        }
+        self.guard.plant.hold(&self.commands);
+        T::enter(Step { guard: &mut self.guard, integrator: &mut self.integrator, dt });
+        let x = self.integrator.state();
+        self.guard.plant.chamber_pressures.clear();
+        self.guard.plant.chamber_pressures_into(self.integrator.time(), &x[..x.len() / 2], &mut self.chambers);
+        if self.guard.failed {
+            self.guard.failed = false;
+            self.find(failed);
+        }
+    }
+
+    fn read(&mut self, out: &mut [f64]) {
+        let x = self.integrator.state();
+        let m = self.arm.coordinates();
+        pass(&self.arm, &x[..m], &[], Motion::Pose, &mut self.links);
+        let tip = self.links[self.links.len() - 1].position;
+        let width = 2 * m + self.chambers.len() + 3;
+        for (k, row) in out.chunks_exact_mut(width).enumerate() {
+            let values = x.iter().chain(&self.chambers).chain(&tip.0);
+            row.iter_mut().zip(values).for_each(|(out, value)| *out = value.lane(k));
+        }
+    }
+}
+
+impl<T: Real> Block<T> {
+    /// Finds the lanes that diverged and puts them back.
+    #[cold]
+    fn find(&mut self, failed: &mut [bool]) {
+        let x = self.integrator.state();
+        let alone = |k: usize| -> Vec<T> {
+            x.iter()
+                .zip(&self.guard.parked)
+                .map(|(x, p)| T::from_lanes(|j| if j == k { x.lane(k) } else { p.lane(j) }))
+                .collect()
+        };
+        let bad: Vec<bool> = (0..T::LANES)
+            .map(|k| {
+                let finite = x.iter().all(|x| x.lane(k).is_finite());
+                !finite || self.guard.plant.objection(&alone(k)).is_some()
+            })
+            .collect();
+        for (failed, bad) in failed.iter_mut().zip(&bad) {
+            *failed = *bad;
+        }
+        if bad.iter().any(|b| *b) {
+            self.restart(|k| bad[k]);
+        }
+    }
+}
