@@ -3,15 +3,14 @@
 The task: bring the tip (head of the last section) to a random reachable point and keep it there.
 
 - Action, float32 (inputs,) in -1 to 1: commanded pressure of each input over its ``pressure_range``.
-- Observation, float32 (6n + inputs + 6,): lengths (0 at the middle, -1 and 1 at the ends of ``length_range``), their
-rates
+- Observation, float32 (6n + inputs + 6,): lengths (0 at the middle, -1 and 1 at the ends of ``length_range``), rates
   (m/s times 2), pressures in the chambers (like the action), tip position and way from the tip to the target (m).
 - Reward: minus the distance to the target, m, for each step.
 - An episode ends (terminated) only if the arm diverges, which no pressure within the range makes it do; it is cut
   (truncated) after ``max_episode_steps``.
 
-After ``pip install 'bha[gym]'``, ``gymnasium.make("bha/Reach-v0")`` and
-``gymnasium.make_vec("bha/Reach-v0", num_envs=4096, vectorization_mode="vector_entry_point")`` find it by themselves.
+Importing this module makes them known to Gymnasium: then ``gymnasium.make("bha/Reach-v0")`` and
+``gymnasium.make_vec("bha/Reach-v0", num_envs=4096, vectorization_mode="vector_entry_point")`` work.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ Floats = NDArray[np.float64]
 
 
 def register() -> None:
-    """Make the environments known to Gymnasium; called by Gymnasium itself, and harmless to call again."""
+    """Make the environments known to Gymnasium; importing this module does it, and again is harmless."""
     if ENVIRONMENT not in gymnasium.registry:
         gymnasium.register(
             id=ENVIRONMENT,

@@ -10,7 +10,7 @@
 //! Spool: s' = (s_ref - s) / T_s, s_ref in -1 .. 1.
 
 use super::Pneumatics;
-use super::valve::{exhaust_flow, supply_flow};
+use super::valve::FullFlows;
 use crate::real::Real;
 
 /// Pressure errors below this do not move the integral, Pa.
@@ -31,9 +31,16 @@ pub struct Command<T> {
     pub integral_rate: T,
 }
 
-/// The controller's output at pressure `p` for the reference `reference`, which changes by `rate` (Pa/s).
+/// The controller's output at pressure `p`, where the valve has `flows`, for a reference (Pa) and its rate (Pa/s).
 #[inline(always)]
-pub fn command<T: Real>(k: &Pneumatics<T>, volume: T, reference: T, rate: T, p: T, integral: T) -> Command<T> {
+pub fn command<T: Real>(
+    k: &Pneumatics<T>,
+    flows: &FullFlows<T>,
+    volume: T,
+    (reference, rate): (T, T),
+    p: T,
+    integral: T,
+) -> Command<T> {
     let (zero, one) = (T::zero(), T::one());
     let error = reference - p;
     let wanted = k.feed_forward * rate + k.proportional_gain * error + integral;
@@ -41,8 +48,8 @@ pub fn command<T: Real>(k: &Pneumatics<T>, volume: T, reference: T, rate: T, p: 
     let flow_of_rate = volume * k.ambient_density / (k.exponent * k.ambient_pressure);
     let flow = wanted * flow_of_rate;
     let least = k.supply_conductance * k.supply_pressure * LEAST_FLOW;
-    let fill = supply_flow(k, p).0.max(least);
-    let vent = (-exhaust_flow(k, p).0).max(least);
+    let fill = flows.fill.max(least);
+    let vent = (-flows.vent).max(least);
     let inverse = T::select(flow, fill, vent).recip();
     let opening = flow * inverse;
     let limited = opening.max(-one).min(one);

@@ -381,8 +381,9 @@ fn rates<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Dri
     let volume = drive.volume + drive.volume_rate * t;
     let p = chamber::pressure(k, x.content, volume);
     let reference = drive.reference + drive.reference_rate * t;
-    let command = controller::command(k, control_volume, reference, drive.reference_rate, p, x.integral);
-    let (flow, by_pressure, by_spool) = valve::chamber_flow(k, p, x.spool);
+    let flows = valve::FullFlows::new(k, p);
+    let command = controller::command(k, &flows, control_volume, (reference, drive.reference_rate), p, x.integral);
+    let (flow, by_pressure, by_spool) = flows.at(k, x.spool);
     let rate =
         Input { content: flow, spool: (command.spool - x.spool) / k.spool_time, integral: command.integral_rate };
     let pressure_by_mass = k.exponent * p / x.content;

@@ -209,7 +209,7 @@ proptest! {
         let mut x = Input { content: chamber::mass(&k, 1.2e5, 5e-4), spool: 0.0, integral: 0.0 };
         let drive = Drive { reference: target, reference_rate: 0.0, volume: 5e-4, volume_rate: 0.0 };
         let (start, mut through, h) = (x.content, 0.0, 1e-5);
-        let flow = |x: &Input<f64>| valve::chamber_flow(&k, chamber::pressure(&k, x.content, 5e-4), x.spool).0;
+        let flow = |x: &Input<f64>| valve::FullFlows::new(&k, chamber::pressure(&k, x.content, 5e-4)).at(&k, x.spool).0;
         for _ in 0..5000 {
             let before = flow(&x);
             x = substep(&k, k.control_volume[0], x, &drive, 0.0, h);

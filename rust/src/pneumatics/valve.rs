@@ -50,25 +50,47 @@ pub fn mass_flow<T: Real>(conductance: T, critical: T, temperature: T, p1: T, p2
     (T::select(forward, flow, -flow), T::select(forward, by_low, -by_high))
 }
 
-/// Mass flow into the chamber at full opening towards the supply, and its derivative by the chamber's pressure.
-#[inline(always)]
-pub fn supply_flow<T: Real>(valve: &Pneumatics<T>, p: T) -> (T, T) {
-    mass_flow(valve.supply_conductance, valve.critical_ratio, valve.temperature, valve.supply_pressure, p)
+/// Flows into a chamber at full opening either way, with their derivatives by its pressure.
+#[derive(Clone, Copy, Debug)]
+pub struct FullFlows<T> {
+    /// Towards the supply.
+    pub fill: T,
+    /// Its derivative.
+    pub fill_slope: T,
+    /// Towards exhaust and vacuum; negative where air leaves.
+    pub vent: T,
+    /// Its derivative.
+    pub vent_slope: T,
 }
 
-/// Mass flow into the chamber (negative: out of it) at full opening towards exhaust and vacuum, and its derivative.
-///
-/// With a vacuum port the exhaust has a check valve: the vacuum draws from the chamber, not from the exhaust.
-#[inline(always)]
-pub fn exhaust_flow<T: Real>(valve: &Pneumatics<T>, p: T) -> (T, T) {
-    let (b, temperature) = (valve.critical_ratio, valve.temperature);
-    let (out, slope) = mass_flow(valve.exhaust_conductance, b, temperature, valve.exhaust_pressure, p);
-    if !valve.has_vacuum {
-        return (out, slope);
+impl<T: Real> FullFlows<T> {
+    /// At chamber pressure `p`.
+    ///
+    /// With a vacuum port the exhaust has a check valve: the vacuum draws from the chamber, not from the exhaust.
+    #[inline(always)]
+    pub fn new(valve: &Pneumatics<T>, p: T) -> Self {
+        let (b, temperature) = (valve.critical_ratio, valve.temperature);
+        let (fill, fill_slope) = mass_flow(valve.supply_conductance, b, temperature, valve.supply_pressure, p);
+        let (mut vent, mut vent_slope) = mass_flow(valve.exhaust_conductance, b, temperature, valve.exhaust_pressure, p);
+        if valve.has_vacuum {
+            let zero = T::zero();
+            let (drawn, drawn_slope) = mass_flow(valve.exhaust_conductance, b, temperature, valve.vacuum_pressure, p);
+            vent_slope = T::select(-vent, vent_slope, zero) + drawn_slope;
+            vent = T::select(-vent, vent, zero) + drawn;
+        }
+        Self { fill, fill_slope, vent, vent_slope }
     }
-    let zero = T::zero();
-    let (drawn, drawn_slope) = mass_flow(valve.exhaust_conductance, b, temperature, valve.vacuum_pressure, p);
-    (T::select(-out, out, zero) + drawn, T::select(-out, slope, zero) + drawn_slope)
+
+    /// Mass flow into the chamber with the spool at `spool`: value, by the pressure, by the spool.
+    #[inline(always)]
+    pub fn at(&self, valve: &Pneumatics<T>, spool: T) -> (T, T, T) {
+        let (open, slope) = opening(valve, spool);
+        (
+            T::select(open, open * self.fill, -open * self.vent),
+            T::select(open, open * self.fill_slope, -open * self.vent_slope),
+            T::select(open, slope * self.fill, -slope * self.vent),
+        )
+    }
 }
 
 /// Opening in -1 .. 1 of a spool at -1 .. 1 with its dead band, and its derivative.
@@ -79,19 +101,6 @@ pub fn opening<T: Real>(valve: &Pneumatics<T>, spool: T) -> (T, T) {
     let size = beyond * slope;
     let zero = T::zero();
     (T::select(beyond, T::select(spool, size, -size), zero), T::select(beyond, slope, zero))
-}
-
-/// Mass flow into the chamber at pressure `p` with the spool at `spool`: value, by `p`, by `spool`.
-#[inline(always)]
-pub fn chamber_flow<T: Real>(valve: &Pneumatics<T>, p: T, spool: T) -> (T, T, T) {
-    let (open, open_slope) = opening(valve, spool);
-    let ((filled, filled_p), (vented, vented_p)) = (supply_flow(valve, p), exhaust_flow(valve, p));
-    // `vented` is a flow into the chamber at opening -1.
-    (
-        T::select(open, open * filled, -open * vented),
-        T::select(open, open * filled_p, -open * vented_p),
-        T::select(open, open_slope * filled, -open_slope * vented),
-    )
 }
 
 #[cfg(test)]
