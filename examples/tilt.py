@@ -26,7 +26,7 @@ def main(out: Path) -> None:
     full = bha.robots.load("bha_nominal")
     reduced = full.with_changes(rotational_energy=False, coriolis_forces=False)
     log = bha.Log.read(INPUT)
-    trajectories = {"full": bha.simulate(full, log), "reduced": bha.simulate(reduced, log)}
+    trajectories = {"full": bha.simulate(full, log, dt=0.005), "reduced": bha.simulate(reduced, log, dt=0.005)}
     difference = trajectories["reduced"].head_positions - trajectories["full"].head_positions
 
     table = Table(title="Tilt of section 1: reduced against full model")

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 import bha
+from bha import _core
+
+LANES = [name for name in _core.instruction_sets() if name != "scalar"]
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +62,49 @@ def test_windows_of_one_input(arm: bha.Arm) -> None:
     np.testing.assert_allclose(batch.lengths[1, :2], whole.lengths[[10, 14]], rtol=1e-10)
     assert np.isnan(batch.lengths[1, 2]).all()
     assert batch.succeeded.all()
+
+
+@pytest.mark.parametrize("instruction_set", LANES)
+@pytest.mark.parametrize("interpolation", ["linear", "hold"])
+def test_lanes_agree_with_single_members(arm: bha.Arm, instruction_set: str, interpolation: str) -> None:
+    """Arms, inputs, states and starts that differ lane by lane, and numbers of members that fill no block."""
+    rng = np.random.default_rng(5)
+    count = 11
+    arms = [arm.with_changes(gravity=rng.uniform(-9.0, 9.0, 3)) for _ in range(count)]
+    pressures = 101_325.0 + rng.uniform(0.0, 0.8e5, (50, len(arm.inputs)))
+    forces = rng.uniform(-1.0, 1.0, (50, arm.section_count, 3))
+    shared = bha.Input(np.linspace(0.0, 0.5, 50), pressures, forces)
+    inputs = [shared if k % 3 else bha.Input(shared.time, pressures[::-1], forces) for k in range(count)]
+    start = rng.uniform(0.0, 0.1, count).round(3)
+    start[3:6] = 0.05
+    times = start[:, None] + np.array([0.0, 0.01, 0.013, 0.1])
+    states = rests(arm, count)
+    states[:, 9:] = rng.uniform(-0.1, 0.1, (count, 9))
+    arguments = {"times": times, "start": start, "interpolation": interpolation, "head_positions": True}
+    alone = bha.simulate_batch(arms, inputs, states, instruction_set="scalar", **arguments)
+    abreast = bha.simulate_batch(arms, inputs, states, instruction_set=instruction_set, **arguments)
+    assert alone.succeeded.all()
+    assert abreast.succeeded.all()
+    np.testing.assert_array_equal(abreast.statistics, alone.statistics)
+    for name in ("lengths", "velocities", "head_positions"):
+        one, other = getattr(alone, name), getattr(abreast, name)
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-12 * np.abs(one).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("instruction_set", LANES)
+def test_a_diverged_lane_disturbs_nobody(arm: bha.Arm, instruction_set: str) -> None:
+    states = rests(arm, 9)
+    states[[0, 5, 8], 9:] = [40.0, -40.0, 40.0] * 3
+    states[5, 9:] *= 1e150
+    arguments = {"times": np.linspace(0.0, 0.1, 11)}
+    alone = bha.simulate_batch(arm, drive(arm), states, instruction_set="scalar", **arguments)
+    abreast = bha.simulate_batch(arm, drive(arm), states, instruction_set=instruction_set, **arguments)
+    assert list(abreast.succeeded) == [k not in {0, 5, 8} for k in range(9)]
+    np.testing.assert_array_equal(np.isnan(abreast.lengths), np.isnan(alone.lengths))
+    for one, other in zip(alone.failures, abreast.failures, strict=True):
+        assert str(one) == str(other)
+    good = alone.succeeded
+    np.testing.assert_allclose(abreast.lengths[good], alone.lengths[good], rtol=1e-12)
 
 
 def test_independent_of_threads(arm: bha.Arm) -> None:
@@ -132,6 +178,7 @@ def test_an_error_in_progress_comes_back_as_itself(arm: bha.Arm) -> None:
         ({"threads": 0}, "threads: 0; at least 1"),
         ({"step": 0.0}, "step: 0; a positive number"),
         ({"inputs": []}, "at least one of each"),
+        ({"instruction_set": "mmx"}, 'instruction_set: "mmx"; this processor has scalar'),
     ],
 )
 def test_wrong_arguments(arm: bha.Arm, changes: dict, text: str) -> None:

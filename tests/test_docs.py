@@ -4,6 +4,8 @@
 - ``console``: what follows ``$`` runs in a shell and must succeed; lines of output, where there are any, must appear
   (``...`` stands for anything).
 - ``toml NAME`` and ``csv NAME``: written to a file of that name, for the snippets after it.
+- ``rust``: compiled and run by ``cargo test --doc``, which ``rust/src/lib.rs`` tells of the document.
+- ``text``: a line to be put into a file, not run.
 - ``sh``: instructions for a checkout (make, pip), which continuous integration runs; nothing else may stand there.
 """
 
@@ -47,6 +49,11 @@ def test_snippets(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             run_console(token.content, place)
         elif language in ("toml", "csv") and names:
             Path(names[0]).write_text(token.content, encoding="utf-8")
+        elif language == "rust":
+            included = f'include_str!("../../docs/{document.name}")'
+            assert included in (ROOT / "rust/src/lib.rs").read_text(), f"{place}: cargo test does not compile it"
+        elif token.info == "text":
+            pass
         elif language == "sh":
             commands = [line.split()[0] for line in token.content.splitlines() if line.strip()]
             assert set(commands) <= set(RUN_BY_CONTINUOUS_INTEGRATION), f"{place}: use a console block"

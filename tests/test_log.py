@@ -61,6 +61,10 @@ def assert_good(log: Log) -> None:
     assert np.isnan(log.head_positions[:, 0]).all()
     assert log.forces is not None
     np.testing.assert_array_equal(log.forces, [[[1.0, 0.0, 0.0]], [[2.0, 0.0, 0.0]], [[3.0, 0.0, 0.0]]])
+    padded = log.forces_on(3)
+    assert padded is not None
+    np.testing.assert_array_equal(padded[:, 0], log.forces[:, 0])
+    np.testing.assert_array_equal(padded[:, 1:], np.zeros((3, 2, 3)))
     assert log.velocities is None
     np.testing.assert_array_equal(log["wire"], [7.0, np.nan, 9.0])
     assert dict(log.units) == {
@@ -112,12 +116,12 @@ def test_parquet_by_its_bytes(tmp_path: Path) -> None:
     columns["p12 [kPa(g)]"] = columns["p12 [kPa(g)]"].cast(pyarrow.float32())
     columns["t [ms]"] = columns["t [ms]"].cast(pyarrow.int32())
     path = parquet_file(tmp_path, columns, row_group_size=2)
-    calls: list[tuple[int, int]] = []
-    log = Log.read(path.rename(tmp_path / "log.csv"), progress=lambda done, total: calls.append((done, total)))
+    calls: list[float] = []
+    log = Log.read(path.rename(tmp_path / "log.csv"), progress=calls.append)
     assert_good(log)
     assert log.ignored == {"note": "string is not a type of numbers"}
-    assert calls[0][0] == 0
-    assert calls[-1][0] == calls[-1][1] > 0
+    assert (calls[0], calls[-1]) == (0.0, 1.0)
+    assert calls == sorted(calls)
 
 
 def test_ambient_pressure_of_gauge_columns(tmp_path: Path) -> None:
@@ -271,6 +275,12 @@ def test_given_arrays_are_not_changed() -> None:
     time[0] = 0.5
 
 
+def test_forces_beyond_the_arm_are_an_error() -> None:
+    log = Log.from_arrays({"t [s]": [0.0], "fz3 [N]": [1.0]})
+    with pytest.raises(LogError, match=r"<arrays>: has a force on section 3; the arm has 2 sections"):
+        log.forces_on(2)
+
+
 def test_missing_pressures_name_the_nearest() -> None:
     log = Log.from_arrays({"t [s]": [0.0], "p11 [Pa]": [1.0], "pc23 [Pa]": [1.0]})
     with pytest.raises(LogError, match=r"<arrays>: there is no column 'p12'; nearest: 'p11'"):
@@ -350,23 +360,23 @@ def test_writing_is_whole_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"the folder .* does not exist"):
         log.write(tmp_path / "nowhere" / "log.csv")
 
-    def stop(done: int, total: int) -> None:
-        raise InterruptedError(f"{done} of {total}")
+    def stop(fraction: float) -> None:
+        raise InterruptedError(f"at {fraction}")
 
     for name in ("log.csv", "log.csv.gz", "log.parquet"):
-        with pytest.raises(InterruptedError, match="0 of 3"):
+        with pytest.raises(InterruptedError, match=r"at 0.0"):
             log.write(tmp_path / name, progress=stop)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_progress_is_told_and_its_errors_come_back_as_they_are(tmp_path: Path) -> None:
     path = write(tmp_path, "t [s]\n0\n")
-    calls: list[tuple[int, int]] = []
-    Log.read(path, progress=lambda done, total: calls.append((done, total)))
-    assert calls[-1] == (8, 8)
+    calls: list[float] = []
+    Log.read(path, progress=calls.append)
+    assert calls[-1] == 1.0
     error = RuntimeError("mine")
 
-    def fail(done: int, total: int) -> None:
+    def fail(fraction: float) -> None:
         raise error
 
     with pytest.raises(RuntimeError) as caught:

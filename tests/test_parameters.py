@@ -86,6 +86,7 @@ def test_core_json_is_complete_and_says_what_the_file_says() -> None:
         "rotational_energy": True,
         "coriolis_forces": True,
         "inputs": ["p11", "p12", "p13", "p21", "p22", "p23"],
+        "effect": [],
     }
     assert [section["mass"] for section in sections] == [0.5, 0.4]
     bellows = sections[1].pop("bellows")
@@ -217,7 +218,7 @@ FAULTS = [
     ('"test"', '"test"\nforce_model = "x"', 'force_model: found "x"; allowed: "end_force" or "work_conjugate"'),
     ('"test"', '"test"\ncoriolis_forces = 1', "arm.toml, line 3: coriolis_forces: found 1; allowed: true or false"),
     ('"test"', '"test"\ngravty = 1', "arm.toml, line 3: gravty: unknown key; nearest allowed: 'gravity'"),
-    ('"test"', '"test"\neffect = []', "arm.toml, line 3: effect: unknown key; allowed: schema, name, gravity"),
+    ('"test"', '"test"\nwheel = []', "arm.toml, line 3: wheel: unknown key; allowed: schema, name, gravity"),
     ('name = "test"', "name = 7", "arm.toml, line 2: name: found 7; allowed: a text of 1 to 200 characters"),
     ("bha-arm/1", "bha-arm/2", 'arm.toml: schema: found "bha-arm/2"; allowed: "bha-arm/1"'),
     ('schema = "bha-arm/1"', "", "arm.toml: schema: missing; a parameter file of an arm begins with: schema ="),

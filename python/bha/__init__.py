@@ -4,15 +4,19 @@ from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
 from bha.batch import Batch, simulate_batch
+from bha.diagnose import diagnose
 from bha.errors import (
     BhaError,
     ConvergenceError,
     InputError,
     LogError,
+    LogWarning,
     MissingExtraError,
     ParameterError,
+    ParameterWarning,
     SimulationError,
 )
+from bha.log import Log
 from bha.simulation import Input, Options, Simulation, simulate
 from bha.trajectory import Trajectory, TrajectoryWriter
 
@@ -23,15 +27,19 @@ __all__ = [
     "ConvergenceError",
     "Input",
     "InputError",
+    "Log",
     "LogError",
+    "LogWarning",
     "MissingExtraError",
     "Options",
     "ParameterError",
+    "ParameterWarning",
     "Simulation",
     "SimulationError",
     "Trajectory",
     "TrajectoryWriter",
     "__version__",
+    "diagnose",
     "robots",
     "simulate",
     "simulate_batch",

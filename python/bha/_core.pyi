@@ -1,15 +1,38 @@
 """Types of the compiled core."""
 
 from collections.abc import Callable, Sequence
-from typing import Self, final
+from os import PathLike
+from typing import Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
 from bha.errors import BhaError, SimulationError
 
 __version__: str
 
+class _ParameterInfo(TypedDict):
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float | None
+    meaning: str
+
+class _KindInfo(TypedDict):
+    kind: str
+    summary: str
+    places: list[str]
+    parameters: list[_ParameterInfo]
+    several: bool
+    needs_poses: bool
+    changes_arm: bool
+
+def effect_kinds() -> list[_KindInfo]: ...
+def formula_fault(text: str, names: list[str]) -> str | None: ...
+
+@disjoint_base
 class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
     def forward_kinematics(self, q: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
@@ -106,11 +129,13 @@ class Simulation:
         NDArray[np.float64],
         NDArray[np.float64],
         NDArray[np.float64],
+        NDArray[np.float64] | None,
         SimulationError | None,
     ]: ...
     @property
     def statistics(self) -> tuple[int, int, int]: ...
 
+def instruction_sets() -> list[str]: ...
 def simulate_batch(
     arms: Sequence[Arm],
     inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],
@@ -129,7 +154,9 @@ def simulate_batch(
     max_steps: int | None = None,
     velocities: bool = True,
     head_positions: bool = False,
+    measured: bool = False,
     threads: int = 0,
+    instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[
     NDArray[np.float64],
@@ -162,3 +189,10 @@ class VirtualArm:
         step: float,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
     def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...
+
+def read_table(
+    path: str | PathLike[str],
+    plan: Callable[[list[str]], list[tuple[str, float, str]]],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
+def format_table_rows(columns: Sequence[NDArray[np.float64]]) -> bytes: ...

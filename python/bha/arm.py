@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 from bha import _core
-from bha.parameters import ArmParameters, ForceModel
+from bha.parameters import ArmParameters, EffectParameters, ForceModel
 
 
 class Arm(_core.Arm):
@@ -93,6 +93,19 @@ class Arm(_core.Arm):
         }
         changes = {key: value for key, value in changes.items() if value is not None}
         return type(self)(self._parameters.updated(changes))
+
+    def with_effects(self, effects: Sequence[EffectParameters | Mapping[str, Any]]) -> Self:
+        """A new arm with these effects in place of its own ones; ``[]`` takes all away.
+
+        Args:
+            effects: :class:`bha.parameters.EffectParameters`, or mappings with the keys of an ``[[effect]]`` table.
+                To add one: ``arm.with_effects([*arm.parameters.effects, {"kind": "creep", ...}])``.
+
+        Raises:
+            ParameterError: an effect that is not allowed.
+        """
+        tables = [effect.to_mapping() if isinstance(effect, EffectParameters) else dict(effect) for effect in effects]
+        return type(self)(self._parameters.updated({"effect": tables}))
 
     def __reduce__(self) -> tuple[type[Self], tuple[ArmParameters]]:
         """Pickle as the parameters; the model is built again from them."""

@@ -85,7 +85,7 @@ class Log:
             path: the file.
             ambient_pressure: what gauge pressures are relative to, Pa: that of the arm.
             columns: names of the columns to read beside the time; all if None.
-            progress: called with work done and work in all, about 20 times a second and at the end.
+            progress: called with the fraction done, from 0 to 1, about 20 times a second and at the end.
 
         Raises:
             LogError: the file cannot be read as a log; the text names file, line (row in Parquet) and column.
@@ -247,6 +247,22 @@ class Log:
         """External forces in the base frame, N, shape (m, n, 3); zero without a column; None if there is no column."""
         return _by_axis(self._gathered("force", 0.0))
 
+    def forces_on(self, section_count: int) -> Array | None:
+        """``forces`` with zeros up to the last section of an arm, N, shape (m, section_count, 3).
+
+        Raises:
+            LogError: the log has a force on a section that the arm does not have.
+        """
+        forces = self.forces
+        if forces is None or forces.shape[1] == section_count:
+            return forces
+        if forces.shape[1] > section_count:
+            last = forces.shape[1]
+            raise LogError(f"{self._origin}: has a force on section {last}; the arm has {section_count} sections")
+        padded = np.pad(forces, ((0, 0), (0, section_count - forces.shape[1]), (0, 0)))
+        padded.flags.writeable = False
+        return padded
+
     def _gathered(self, kind: str, absent: float) -> Array | None:
         """The three columns per section of one kind of quantity, side by side; a copy."""
         places = {}
@@ -305,7 +321,8 @@ class Log:
     def write(self, path: str | os.PathLike[str], *, progress: Progress | None = None) -> None:
         """Write the log to a ``.csv``, ``.csv.gz`` or ``.parquet`` file, whole or not at all; no digit is lost.
 
-        Pressures are written as absolute ones, in Pa. Columns that were ignored are not written.
+        Pressures are written as absolute ones, in Pa. Columns that were ignored are not written. ``progress`` is called
+        with the fraction done, from 0 to 1.
 
         Raises:
             InputError: unknown extension, or a folder that does not exist.

@@ -24,8 +24,8 @@ from bha.files import written_whole
 from bha.log_columns import FREE, SKIP, Column, check_values
 
 Array = NDArray[np.float64]
-# Called with what is done and what there is to do, in bytes or in values; done / total is the progress.
-Progress = Callable[[int, int], None]
+# Called with the fraction that is done, from 0 to 1.
+Progress = Callable[[float], None]
 # The values of a column as the file has them; None if skipped; where and what, if it holds something else than numbers.
 Found = Array | None | str
 
@@ -84,20 +84,23 @@ def read_parquet(
             wanted = [i for i, column in enumerate(columns) if column.used != SKIP]
             found: list[Found] = [None] * len(columns)
             if progress is not None:
-                progress(0, len(wanted) * rows)
+                progress(0.0)
             for place, index in enumerate(wanted):
-                done = (place * rows, len(wanted) * rows)
-                found[index] = _read_column(pyarrow, file, columns[index], schema.field(index), path, done, progress)
+                watch = None if progress is None else _share(progress, place, len(wanted))
+                found[index] = _read_column(pyarrow, file, columns[index], schema.field(index), path, watch)
             if progress is not None:
-                progress(len(wanted) * rows, len(wanted) * rows)
+                progress(1.0)
             return columns, found
     except (pyarrow.ArrowException, OSError) as error:
         raise LogError(f"{path}: the Parquet data is damaged or cut off: {error}") from error
 
 
-def _read_column(
-    pyarrow: Any, file: Any, column: Column, field: Any, path: Path, done: tuple[int, int], progress: Progress | None
-) -> Found:
+def _share(progress: Progress, part: int, parts: int) -> Progress:
+    """The progress of one of several parts of equal work."""
+    return lambda fraction: progress((part + fraction) / parts)
+
+
+def _read_column(pyarrow: Any, file: Any, column: Column, field: Any, path: Path, progress: Progress | None) -> Found:
     """One column; its type is checked before its values, its values after it is whole."""
     kinds = pyarrow.types
     if not (kinds.is_integer(field.type) or kinds.is_floating(field.type) or kinds.is_decimal(field.type)):
@@ -108,7 +111,7 @@ def _read_column(
     row = 0
     for batch in file.iter_batches(batch_size=BLOCK_ROWS, columns=[field.name]):
         if progress is not None:
-            progress(done[0] + row, done[1])
+            progress(row / len(values))
         cells = batch.column(0)
         if cells.null_count and column.used != FREE:
             first = row + int(np.argmax(cells.is_null().to_numpy(zero_copy_only=False)))
@@ -144,10 +147,10 @@ def write(path: Path, columns: Mapping[str, Array], progress: Progress | None) -
 def _blocks(columns: Mapping[str, Array], rows: int, progress: Progress | None) -> Any:
     for start in range(0, rows, BLOCK_ROWS):
         if progress is not None:
-            progress(start, rows)
+            progress(start / rows)
         yield [np.ascontiguousarray(values[start : start + BLOCK_ROWS]) for values in columns.values()]
     if progress is not None:
-        progress(rows, rows)
+        progress(1.0)
 
 
 def _write_csv(path: Path, columns: Mapping[str, Array], rows: int, progress: Progress | None) -> None:

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.errors import InputError, SimulationError
+from bha.log import Log
 from bha.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
 
 Method = Literal["dopri5", "rk4"]
 Interpolation = Literal["linear", "hold"]
@@ -47,7 +47,7 @@ class Input:
     @classmethod
     def from_log(cls, arm: Arm, log: Log, *, commanded: bool = False) -> Input:
         """The pressures (``commanded`` ones if asked) and external forces of a measured log."""
-        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), log.forces)
+        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), log.forces_on(arm.section_count))
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Simulation:
                 until then.
         """
         times = np.asarray(times, dtype=np.float64)
-        lengths, velocities, pressures, heads, failure = self._core.advance(times)
+        lengths, velocities, pressures, heads, measured, failure = self._core.advance(times)
         rows = len(lengths)
         before, self._counts = self._counts, self._core.statistics
         names = ("steps", "rejected_steps", "evaluations")
@@ -136,6 +136,7 @@ class Simulation:
             velocities=velocities,
             pressures=pressures,
             head_positions=heads.reshape(rows, -1, 3),
+            measured_lengths=measured,
             input_names=self.arm.inputs,
             statistics={n: a - b for n, a, b in zip(names, self._counts, before, strict=True)},
             arm_name=self.arm.name,
@@ -251,8 +252,6 @@ def as_input(
     """
     if isinstance(drive, Input):
         return drive
-    from bha.log import Log  # noqa: PLC0415  (units are only loaded where a log is used)
-
     if isinstance(drive, Log):
         return Input.from_log(arm, drive, commanded=commanded)
     if callable(drive):
@@ -271,12 +270,15 @@ def concatenate(pieces: Sequence[Trajectory]) -> Trajectory:
     if len(pieces) == 1:
         return pieces[0]
     first = pieces[0]
+    # A piece without rows has no measured lengths either.
+    measured = [p.measured_lengths for p in pieces if p.measured_lengths is not None]
     return Trajectory(
         time=np.concatenate([p.time for p in pieces]),
         lengths=np.concatenate([p.lengths for p in pieces]),
         velocities=np.concatenate([p.velocities for p in pieces]),
         pressures=np.concatenate([p.pressures for p in pieces]),
         head_positions=np.concatenate([p.head_positions for p in pieces]),
+        measured_lengths=np.concatenate(measured) if measured else None,
         input_names=first.input_names,
         statistics={key: sum(p.statistics[key] for p in pieces) for key in first.statistics},
         arm_name=first.arm_name,

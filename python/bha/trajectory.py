@@ -33,6 +33,8 @@ class Trajectory:
         input_names: names of the pressure inputs, one for each column of ``pressures``.
         statistics: counts of the integrator: ``steps``, ``rejected_steps``, ``evaluations``.
         arm_name: name of the arm.
+        measured_lengths: lengths as their sensors have them, m, shape (m, 3n), where effects of the arm act on sensors
+            (delay, offset, gain); else None. ``lengths`` are always the true ones; files hold those.
 
     Raises:
         InputError: shapes do not fit together, time runs backwards, or input names are not unique.
@@ -46,6 +48,7 @@ class Trajectory:
     input_names: tuple[str, ...]
     statistics: Mapping[str, int] = field(default_factory=dict)
     arm_name: str = ""
+    measured_lengths: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Check what was given and make it read-only, without copying it."""
@@ -65,6 +68,8 @@ class Trajectory:
             "pressures": (rows, len(self.input_names)),
             "head_positions": (rows, columns // 3, 3),
         }
+        if self.measured_lengths is not None:
+            expected["measured_lengths"] = (rows, columns)
         for name, shape in expected.items():
             array = np.asarray(getattr(self, name), dtype=np.float64).view()
             if array.shape != shape:
@@ -83,7 +88,8 @@ class Trajectory:
 
     def __getitem__(self, rows: slice) -> Trajectory:
         """Some of the rows, as views: ``trajectory[100:200]``, ``trajectory[::10]``; the rest stays as it is."""
-        return replace(self, **{name: getattr(self, name)[rows] for name in ARRAYS})
+        measured = None if self.measured_lengths is None else self.measured_lengths[rows]
+        return replace(self, **{name: getattr(self, name)[rows] for name in ARRAYS}, measured_lengths=measured)
 
     @property
     def section_count(self) -> int:
@@ -171,7 +177,9 @@ class TrajectoryWriter:
             )
         if self._sink is None:
             # Of the first chunk only the headings are needed later; its rows must not stay in memory, so no views.
-            self._first = replace(chunk, **{name: getattr(chunk, name)[:0].copy() for name in ARRAYS})
+            self._first = replace(
+                chunk, **{name: getattr(chunk, name)[:0].copy() for name in ARRAYS}, measured_lengths=None
+            )
             self._sink = self._open_sink(self._stack.enter_context(written_whole(self.path)), self._first)
         for start in range(0, len(chunk), BLOCK_ROWS):
             self._sink.write(chunk[start : start + BLOCK_ROWS])

@@ -43,6 +43,9 @@ pub struct Section<T> {
     pub products_of_inertia: Option<Vec3<T>>,
     /// Centre of mass in the head frame, m.
     pub center_of_mass: Vec3<T>,
+    /// Where external forces act, in the head frame, m. A property of where the force was measured: it stays where it is
+    /// when a payload moves the centre of mass.
+    pub force_point: Vec3<T>,
     /// Radius of the coordinate lengths, m.
     pub bellows_radius: T,
     /// `1 / bellows_radius`.
@@ -153,9 +156,11 @@ impl Section<f64> {
         let bellows_radius = positive(&place, "bellows_radius", p.bellows_radius)?;
         let mut inertia = [0.0; 3];
         let mut center_of_mass = [0.0; 3];
+        let mut force_point = p.force_point.unwrap_or(p.center_of_mass);
         for k in 0..3 {
             inertia[k] = not_negative(&place, "inertia", p.inertia[k])?;
             center_of_mass[k] = finite(&place, "center_of_mass", p.center_of_mass[k])?;
+            force_point[k] = finite(&place, "force_point", force_point[k])?;
         }
         let bellows = p
             .bellows
@@ -168,6 +173,7 @@ impl Section<f64> {
             inertia: Vec3(inertia),
             products_of_inertia: None,
             center_of_mass: Vec3(center_of_mass),
+            force_point: Vec3(force_point),
             bellows_radius,
             inverse_radius: 1.0 / bellows_radius,
             base_offset: finite(&place, "base_offset", p.base_offset)?,
@@ -230,7 +236,11 @@ impl Arm<f64> {
 
     /// The same arm over another scalar.
     pub fn lift<T: Real>(&self) -> Arm<T> {
-        let c = T::from_f64;
+        self.map(T::from_f64)
+    }
+
+    /// The arm with `c` of every number, which are visited in a fixed order.
+    pub fn map<T: Real>(&self, c: impl Fn(f64) -> T + Copy) -> Arm<T> {
         let v = |a: Vec3<f64>| Vec3(a.0.map(c));
         Arm {
             gravity: v(self.gravity),
@@ -247,6 +257,7 @@ impl Arm<f64> {
                     inertia: v(s.inertia),
                     products_of_inertia: s.products_of_inertia.map(v),
                     center_of_mass: v(s.center_of_mass),
+                    force_point: v(s.force_point),
                     bellows_radius: c(s.bellows_radius),
                     inverse_radius: c(s.inverse_radius),
                     base_offset: c(s.base_offset),

@@ -1,6 +1,7 @@
 //! What drives an arm: pressures and external forces sampled at times of their own.
 
 use crate::error::{Error, Result};
+use crate::real::Real;
 
 /// What holds between two samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,6 +101,11 @@ impl Input {
         self.force_count
     }
 
+    /// Whether a channel jumps at any time.
+    pub fn has_jumps(&self) -> bool {
+        !self.jumps.is_empty()
+    }
+
     /// First sample time.
     pub fn start(&self) -> f64 {
         self.times[0]
@@ -146,6 +152,37 @@ impl Input {
         let n = self.pressure_count;
         let a = self.pressures[k * n + channel];
         if w == 0.0 { a } else { a + w * (self.pressures[(k + 1) * n + channel] - a) }
+    }
+
+    /// Pressure `channel` at a time that may differ from lane to lane or carry derivatives: a sum over the pieces it may lie
+    /// in.
+    #[inline(always)]
+    pub fn pressure_at<T: Real>(&self, t: T, channel: usize) -> T {
+        let (low, high) = (t.smallest(), t.largest());
+        let mut k = self.times.partition_point(|x| *x <= low).max(1) - 1;
+        let value = |k: usize| self.pressures[k * self.pressure_count + channel];
+        let mut out = T::from_f64(value(k));
+        while k + 1 < self.times.len() && self.times[k] <= high {
+            let (h, rise) = (self.times[k + 1] - self.times[k], value(k + 1) - value(k));
+            let share = if self.interpolation == Interpolation::Hold || h == 0.0 {
+                T::select(t - self.times[k + 1], T::one(), T::zero())
+            } else {
+                ((t - self.times[k]) * (1.0 / h)).max(T::zero()).min(T::one())
+            };
+            out += share * rise;
+            k += 1;
+        }
+        out
+    }
+
+    /// The first sample after `t`, where an interpolated input bends; infinity after the last.
+    #[inline(always)]
+    pub fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64 {
+        if self.interpolation == Interpolation::Hold || t < self.times[0] {
+            return if t < self.times[0] { self.times[0] } else { f64::INFINITY };
+        }
+        let k = self.locate(t, false, cursor);
+        self.times.get(k + 1).copied().unwrap_or(f64::INFINITY)
     }
 
     /// Force `channel` at a place that [`Input::weight`] gave.

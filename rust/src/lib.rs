@@ -23,6 +23,7 @@
 //! Arrows: batch -> simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points
 //! back.
 
+pub mod abreast;
 pub mod arm;
 pub mod batch;
 pub mod dynamics;
@@ -41,3 +42,8 @@ pub mod real;
 pub mod simulate;
 pub mod table;
 pub mod virtual_arm;
+
+/// The examples of the documentation that are Rust.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/effects.md")]
+struct Documentation;

@@ -2,7 +2,8 @@
 //!
 //! A general linear-algebra crate is used where speed is no question (statics). These few operations are our own
 //! because everything in the hot path must be inlined into one function, so that run-time chosen instruction sets
-//! reach it.
+//! reach it. For the same reason there are no closures here: the compiler may leave them, and what the standard library
+//! does with them (`map`, `fold`), out of line.
 
 use crate::real::Real;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
@@ -45,13 +46,35 @@ impl<T: Real> Vec3<T> {
     /// Scalar product.
     #[inline(always)]
     pub fn dot(self, o: Self) -> T {
-        self.0[0] * o.0[0] + self.0[1] * o.0[1] + self.0[2] * o.0[2]
+        self.0[2].mul_add(o.0[2], self.0[1].mul_add(o.0[1], self.0[0] * o.0[0]))
+    }
+    /// `self * k + o`.
+    #[inline(always)]
+    pub fn mul_add(self, k: T, o: Self) -> Self {
+        let ([x, y, z], [a, b, c]) = (self.0, o.0);
+        Self([x.mul_add(k, a), y.mul_add(k, b), z.mul_add(k, c)])
+    }
+    /// `o - self * k`.
+    #[inline(always)]
+    pub fn neg_mul_add(self, k: T, o: Self) -> Self {
+        let ([x, y, z], [a, b, c]) = (self.0, o.0);
+        Self([x.neg_mul_add(k, a), y.neg_mul_add(k, b), z.neg_mul_add(k, c)])
+    }
+    /// `self * k[0] + b * k[1] + c * k[2]`.
+    #[inline(always)]
+    pub fn combined(self, k: [T; 3], b: Self, c: Self) -> Self {
+        c.mul_add(k[2], b.mul_add(k[1], self * k[0]))
+    }
+    /// Component by component.
+    #[inline(always)]
+    pub fn times(self, o: Self) -> Self {
+        Self([self.0[0] * o.0[0], self.0[1] * o.0[1], self.0[2] * o.0[2]])
     }
     /// Vector product.
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, o.0);
-        Self([b * z - c * y, c * x - a * z, a * y - b * x])
+        Self([b.mul_sub(z, c * y), c.mul_sub(x, a * z), a.mul_sub(y, b * x)])
     }
 }
 
@@ -75,7 +98,8 @@ impl<T: Real> Neg for Vec3<T> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self(self.0.map(|a| -a))
+        let [x, y, z] = self.0;
+        Self([-x, -y, -z])
     }
 }
 
@@ -83,7 +107,8 @@ impl<T: Real> Mul<T> for Vec3<T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, k: T) -> Self {
-        Self(self.0.map(|a| a * k))
+        let [x, y, z] = self.0;
+        Self([x * k, y * k, z * k])
     }
 }
 
@@ -131,34 +156,44 @@ impl<T: Real> Mat3<T> {
     /// The matrix times a vector.
     #[inline(always)]
     pub fn mul_vec(&self, v: Vec3<T>) -> Vec3<T> {
-        Vec3(self.0.map(|r| Vec3(r).dot(v)))
+        let [a, b, c] = self.0;
+        Vec3([Vec3(a).dot(v), Vec3(b).dot(v), Vec3(c).dot(v)])
     }
     /// The transposed matrix times a vector.
     #[inline(always)]
     pub fn transposed_mul_vec(&self, v: Vec3<T>) -> Vec3<T> {
-        Vec3(self.0[0]) * v.0[0] + Vec3(self.0[1]) * v.0[1] + Vec3(self.0[2]) * v.0[2]
+        Vec3(self.0[0]).combined(v.0, Vec3(self.0[1]), Vec3(self.0[2]))
     }
     /// Matrix product.
     #[inline(always)]
     pub fn mul_mat(&self, o: &Self) -> Self {
-        Self(self.0.map(|r| o.transposed_mul_vec(Vec3(r)).0))
+        let [a, b, c] = self.0;
+        Self([o.transposed_mul_vec(Vec3(a)).0, o.transposed_mul_vec(Vec3(b)).0, o.transposed_mul_vec(Vec3(c)).0])
+    }
+    /// `self - a b^T`.
+    #[inline(always)]
+    pub fn minus_product(&self, a: Vec3<T>, b: Vec3<T>) -> Self {
+        let ([r, s, t], [x, y, z]) = (self.0, a.0);
+        Self([b.neg_mul_add(x, Vec3(r)).0, b.neg_mul_add(y, Vec3(s)).0, b.neg_mul_add(z, Vec3(t)).0])
     }
     /// Elementwise sum.
     #[inline(always)]
     pub fn add(&self, o: &Self) -> Self {
-        let mut out = *self;
-        for i in 0..3 {
-            for j in 0..3 {
-                out.0[i][j] += o.0[i][j];
-            }
-        }
-        out
+        let ([a, b, c], [d, e, f]) = (self.0, o.0);
+        Self([(Vec3(a) + Vec3(d)).0, (Vec3(b) + Vec3(e)).0, (Vec3(c) + Vec3(f)).0])
     }
     /// Every element times `k`.
     #[inline(always)]
     pub fn scale(&self, k: T) -> Self {
-        Self(self.0.map(|r| r.map(|a| a * k)))
+        let [a, b, c] = self.0;
+        Self([(Vec3(a) * k).0, (Vec3(b) * k).0, (Vec3(c) * k).0])
     }
+}
+
+/// `a b - c d`.
+#[inline(always)]
+fn minor<T: Real>(a: T, b: T, c: T, d: T) -> T {
+    a.mul_sub(b, c * d)
 }
 
 /// A symmetric 3 x 3 matrix: xx, xy, xz, yy, yz, zz.
@@ -175,9 +210,9 @@ impl<T: Real> Sym3<T> {
     #[inline(always)]
     pub fn rotated_diagonal(r: &Mat3<T>, d: Vec3<T>) -> Self {
         let rows = r.0;
-        let scaled = rows.map(|row| Vec3([row[0] * d.0[0], row[1] * d.0[1], row[2] * d.0[2]]));
-        let e = |i: usize, j: usize| scaled[i].dot(Vec3(rows[j]));
-        Self([e(0, 0), e(0, 1), e(0, 2), e(1, 1), e(1, 2), e(2, 2)])
+        let [a, b, c] = [Vec3(rows[0]), Vec3(rows[1]), Vec3(rows[2])];
+        let (da, db, dc) = (a.times(d), b.times(d), c.times(d));
+        Self([da.dot(a), da.dot(b), da.dot(c), db.dot(b), db.dot(c), dc.dot(c)])
     }
     /// From the diagonal and xy, xz, yz.
     #[inline(always)]
@@ -187,10 +222,9 @@ impl<T: Real> Sym3<T> {
     /// `R A R^T`.
     #[inline(always)]
     pub fn rotated(&self, r: &Mat3<T>) -> Self {
-        let rows = r.0.map(Vec3);
-        let turned = rows.map(|row| self.mul_vec(row));
-        let e = |i: usize, j: usize| rows[i].dot(turned[j]);
-        Self([e(0, 0), e(0, 1), e(0, 2), e(1, 1), e(1, 2), e(2, 2)])
+        let [a, b, c] = [Vec3(r.0[0]), Vec3(r.0[1]), Vec3(r.0[2])];
+        let (ta, tb, tc) = (self.mul_vec(a), self.mul_vec(b), self.mul_vec(c));
+        Self([a.dot(ta), a.dot(tb), a.dot(tc), b.dot(tb), b.dot(tc), c.dot(tc)])
     }
     /// `m (|c|^2 1 - c c^T)`: the inertia of a point mass `m` at `c` about the origin.
     #[inline(always)]
@@ -203,14 +237,27 @@ impl<T: Real> Sym3<T> {
     /// The matrix times a vector.
     #[inline(always)]
     pub fn mul_vec(&self, v: Vec3<T>) -> Vec3<T> {
-        let ([xx, xy, xz, yy, yz, zz], [x, y, z]) = (self.0, v.0);
-        Vec3([xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z])
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        Vec3([Vec3([xx, xy, xz]).dot(v), Vec3([xy, yy, yz]).dot(v), Vec3([xz, yz, zz]).dot(v)])
     }
     /// Elementwise sum.
     #[inline(always)]
     pub fn add(&self, o: &Self) -> Self {
         let (a, b) = (self.0, o.0);
         Self([a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]])
+    }
+    /// `self - a b^T`, where that is symmetric in sum with others like it: the upper half is computed.
+    #[inline(always)]
+    pub fn minus_product(&self, a: Vec3<T>, b: Vec3<T>) -> Self {
+        let ([xx, xy, xz, yy, yz, zz], [x, y, z], [p, q, r]) = (self.0, a.0, b.0);
+        Self([
+            x.neg_mul_add(p, xx),
+            x.neg_mul_add(q, xy),
+            x.neg_mul_add(r, xz),
+            y.neg_mul_add(q, yy),
+            y.neg_mul_add(r, yz),
+            z.neg_mul_add(r, zz),
+        ])
     }
     /// As a full matrix.
     #[inline(always)]
@@ -222,9 +269,10 @@ impl<T: Real> Sym3<T> {
     #[inline(always)]
     pub fn inverse(&self) -> Self {
         let [xx, xy, xz, yy, yz, zz] = self.0;
-        let (c0, c1, c2) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
-        let k = (xx * c0 + xy * c1 + xz * c2).recip();
-        Self([c0 * k, c1 * k, c2 * k, (xx * zz - xz * xz) * k, (xy * xz - xx * yz) * k, (xx * yy - xy * xy) * k])
+        let (c0, c1, c2) = (minor(yy, zz, yz, yz), minor(xz, yz, xy, zz), minor(xy, yz, xz, yy));
+        let k = Vec3([xx, xy, xz]).dot(Vec3([c0, c1, c2])).recip();
+        let (c3, c4, c5) = (minor(xx, zz, xz, xz), minor(xy, xz, xx, yz), minor(xx, yy, xy, xy));
+        Self([c0 * k, c1 * k, c2 * k, c3 * k, c4 * k, c5 * k])
     }
 }
 

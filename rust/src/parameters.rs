@@ -57,6 +57,9 @@ pub struct SectionParameters {
     pub inertia: [f64; 3],
     /// Centre of mass r_S in the head frame, m.
     pub center_of_mass: [f64; 3],
+    /// Where external forces act, in the head frame, m; the centre of mass, as in (28), if left out.
+    #[serde(default)]
+    pub force_point: Option<[f64; 3]>,
     /// Radius r_B on which the three coordinate lengths lie, m.
     pub bellows_radius: f64,
     /// Rigid piece along z before the arc, m.

@@ -3,6 +3,7 @@
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::statics::static_lengths;
+use crate::effects;
 use crate::error::{Error, Result};
 use crate::input::{Cursor, Input};
 use crate::integrate::{Integrator, Options, Statistics};
@@ -15,6 +16,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Simulation {
     plant: Plant,
+    input: Arc<Input>,
     integrator: Integrator<f64>,
     ws: Workspace,
     cursor: Cursor,
@@ -31,6 +33,8 @@ pub struct Rows {
     pub pressures: Vec<f64>,
     /// Origins of the heads in the base frame, 3n a row, m.
     pub head_positions: Vec<f64>,
+    /// Lengths as their sensors have them, 3n a row, m; empty where no effect acts on sensors.
+    pub measured_lengths: Vec<f64>,
     /// Number of rows.
     pub count: usize,
 }
@@ -48,57 +52,56 @@ impl Simulation {
         q: Option<&[f64]>,
         qd: Option<&[f64]>,
     ) -> Result<Self> {
-        let n = arm.coordinates();
-        let mut cursor = Cursor::default();
-        let place = input.weight(start, false, &mut cursor);
-        for (name, given) in [("q", q), ("qd", qd)] {
-            if let Some(v) = given
-                && (v.len() != n || v.iter().any(|x| !x.is_finite()))
-            {
-                return Err(Error::Input(format!("initial {name}: {n} finite numbers are needed, found {v:?}")));
-            }
-        }
-        let rest;
-        let q = match q {
-            Some(q) => q,
-            None => {
-                let p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
-                let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
-                let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
-                rest = static_lengths(&arm, &p, f.as_deref(), None)?;
-                &rest
-            }
-        };
-        let mut x = q.to_vec();
-        x.extend_from_slice(qd.unwrap_or(&vec![0.0; n]));
+        let x = initial_state(&arm, &input, start, q, qd)?;
         let ws = Workspace::new(&arm);
-        Ok(Self { integrator: Integrator::new(options, start, &x), plant: Plant::new(arm, input), ws, cursor })
+        let (mut plant, cursor) = (Plant::new(arm, input.clone()), Cursor::default());
+        plant.begin(start, &x);
+        Ok(Self { integrator: Integrator::new(options, start, &x), plant, input, ws, cursor })
     }
 
     /// Goes on to the last of `times` (ascending, not before the present time) and returns a row at each.
     ///
     /// The rows computed before a failure are returned beside the error. `stop` is asked now and then.
     pub fn advance(&mut self, times: &[f64], stop: &mut impl FnMut() -> bool) -> (Rows, Result<()>) {
-        let Self { plant, integrator, ws, cursor } = self;
-        let (arm, input) = (plant.arm.clone(), plant.input.clone());
+        let Self { plant, input, integrator, ws, cursor } = self;
+        let arm = plant.arm.clone();
         let n = arm.coordinates();
         let mut rows = Rows {
             lengths: Vec::with_capacity(times.len() * n),
             velocities: Vec::with_capacity(times.len() * n),
             pressures: Vec::with_capacity(times.len() * arm.inputs),
             head_positions: Vec::with_capacity(times.len() * n),
+            measured_lengths: Vec::with_capacity(if plant.has_sensors() { times.len() * n } else { 0 }),
             count: 0,
         };
-        let mut sink = |t: f64, x: &[f64]| {
-            rows.lengths.extend_from_slice(&x[..n]);
-            rows.velocities.extend_from_slice(&x[n..2 * n]);
-            let place = input.weight(t, false, cursor);
-            rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
-            pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
-            rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
-            rows.count += 1;
-        };
-        let result = integrator.run(plant, times, &mut sink, stop);
+        let seen = effects::poses::acts(&*arm);
+        let mut last = vec![0.0; 2 * n];
+        let mut result = Ok(());
+        for time in times {
+            let mut sink = |t: f64, x: &[f64]| {
+                rows.lengths.extend_from_slice(&x[..n]);
+                rows.velocities.extend_from_slice(&x[n..2 * n]);
+                let place = input.weight(t, false, cursor);
+                rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+                pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
+                if seen {
+                    effects::poses::heads(&arm, &ws.links, |head| rows.head_positions.extend(head.position.0));
+                } else {
+                    rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
+                }
+                rows.count += 1;
+                last.copy_from_slice(x);
+            };
+            result = integrator.run(plant, std::slice::from_ref(time), &mut sink, stop);
+            if result.is_err() {
+                break;
+            }
+            if plant.has_sensors() {
+                let start = rows.measured_lengths.len();
+                rows.measured_lengths.resize(start + n, 0.0);
+                plant.measured_lengths_into(*time, &last, &mut rows.measured_lengths[start..]);
+            }
+        }
         (rows, result)
     }
 
@@ -116,4 +119,41 @@ impl Simulation {
     pub fn time(&self) -> f64 {
         self.integrator.time()
     }
+}
+
+/// Lengths and rates at `start`: as given, else at rest under the pressures and forces of that time.
+///
+/// # Errors
+/// [`Error::Input`] for sizes that do not fit, [`Error::Convergence`] if there is no rest to start from.
+pub(crate) fn initial_state(
+    arm: &Arm,
+    input: &Input,
+    start: f64,
+    q: Option<&[f64]>,
+    qd: Option<&[f64]>,
+) -> Result<Vec<f64>> {
+    let n = arm.coordinates();
+    let place = input.weight(start, false, &mut Cursor::default());
+    for (name, given) in [("q", q), ("qd", qd)] {
+        if let Some(v) = given
+            && (v.len() != n || v.iter().any(|x| !x.is_finite()))
+        {
+            return Err(Error::Input(format!("initial {name}: {n} finite numbers are needed, found {v:?}")));
+        }
+    }
+    let rest;
+    let q = match q {
+        Some(q) => q,
+        None => {
+            let mut p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
+            effects::pressures::at_rest(arm, &mut p);
+            let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
+            let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
+            rest = static_lengths(arm, &p, f.as_deref(), None)?;
+            &rest
+        }
+    };
+    let mut x = q.to_vec();
+    x.extend_from_slice(qd.unwrap_or(&vec![0.0; n]));
+    Ok(x)
 }

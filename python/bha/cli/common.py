@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeVar
 
 import click
 import numpy as np
@@ -28,27 +28,20 @@ INTERRUPTED = 130
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object for machines, nothing else.")
 
 
-class ArmArgument(click.ParamType):
-    """A parameter file, or the name of an arm that ships with the package."""
-
-    name = "arm"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Arm:
-        """Load the arm; errors are those of :meth:`bha.Arm.load`."""
-        if isinstance(value, Arm):
-            return value
-        if not os.path.exists(value) and value in robots.names():
-            return robots.load(value)
-        try:
-            return Arm.load(value)
-        except BhaError as error:
-            fail(error)
+def _load_arm(_ctx: click.Context, _parameter: click.Parameter, value: str) -> Arm:
+    if not os.path.exists(value) and value in robots.names():
+        return robots.load(value)
+    try:
+        return Arm.load(value)
+    except BhaError as error:
+        fail(error)
 
 
-arm_argument = click.argument("arm", metavar="ARM", type=ArmArgument())
+#: A parameter file, or the name of an arm that ships with the package.
+arm_argument = click.argument("arm", metavar="ARM", callback=_load_arm)
 
 
-def fail(error: BhaError, code: int = 1) -> Any:
+def fail(error: BhaError, code: int = 1) -> NoReturn:
     """Print an error and end the program."""
     click.echo(f"error: {error}", err=True)
     sys.exit(code)
@@ -63,7 +56,6 @@ def reports_errors(command: Callable[P, R]) -> Callable[P, R]:
             return command(*args, **kwargs)
         except BhaError as error:
             fail(error)
-            raise
         except KeyboardInterrupt:
             click.echo("interrupted", err=True)
             sys.exit(INTERRUPTED)

@@ -6,11 +6,13 @@ from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, reports_errors
 from bha.errors import ConvergenceError
+from bha.parameters import ArmParameters, StatedValue
 
 
 @click.command()
@@ -44,11 +46,13 @@ def info(arm: Arm, as_json: bool) -> None:
 
 def _facts(arm: Arm) -> dict[str, Any]:
     parameters = arm.parameters
+    lengths: NDArray[np.float64] | None = None
+    heads: NDArray[np.float64] | None = None
     try:
         q = arm.static_lengths(np.full(len(arm.inputs), parameters.ambient_pressure))
         lengths, heads = q.reshape(-1, 3), arm.forward_kinematics(q)[0]
     except ConvergenceError:
-        lengths = heads = None
+        pass  # an arm without a rest at ambient pressure still has parameters to show
     return {
         "name": arm.name,
         "sections": arm.section_count,
@@ -59,7 +63,7 @@ def _facts(arm: Arm) -> dict[str, Any]:
         "coriolis_forces": parameters.coriolis_forces,
         "values": [
             {
-                "place": "arm" if value.section is None else _place(value.section, value.bellows),
+                "place": _place(value, parameters),
                 "key": value.key,
                 "value": value.value,
                 "text": _text(value.value),
@@ -72,8 +76,13 @@ def _facts(arm: Arm) -> dict[str, Any]:
     }
 
 
-def _place(section: int, bellows: int | None) -> str:
-    return str(section) if bellows is None else f"{section}, bellows {bellows}"
+def _place(value: StatedValue, parameters: ArmParameters) -> str:
+    if value.effect is not None:
+        effect = parameters.effects[value.effect - 1]
+        return f"effect {value.effect}: {effect.kind}, {effect.where}"
+    if value.section is None:
+        return "arm"
+    return str(value.section) if value.bellows is None else f"{value.section}, bellows {value.bellows}"
 
 
 def _word(switch: bool) -> str:

@@ -71,7 +71,7 @@ def _combination(coordinates: Sequence[Coordinate], vector: Array, deviation: fl
     logarithmic = all(c.logarithmic for c in some)
     if len(members) == 1:
         text = f"{names[0]}: not told by these data"
-    elif logarithmic and len(members) == 2 and 0.5 < abs(vector[members[1]]) / vector[members[0]]:
+    elif logarithmic and len(members) == 2 and abs(vector[members[1]]) / vector[members[0]] > 0.5:
         what = "ratio" if vector[members[1]] > 0 else "product"
         text = f"{joined(names)}: only their {what}"
     elif logarithmic and all(vector[k] > 0.5 * vector[members[0]] for k in members):

@@ -18,14 +18,20 @@ from bha.files import written_whole
 from bha.parameters import messages
 from bha.parameters.base import NotNegative, Switch, Table, Vector3, key
 from bha.parameters.document import merged_toml
-from bha.parameters.provenance import ASSUMED, Provenance, ProvenanceTable, check_provenance, provenance_key
+from bha.parameters.effect import EffectParameters, check_effects
+from bha.parameters.provenance import (
+    ASSUMED,
+    Provenance,
+    ProvenanceTable,
+    check_provenance,
+    provenance_key,
+    provenance_mapping,
+)
 from bha.parameters.section import SectionParameters
 
 SCHEMA = "bha-arm/1"
 ForceModel = Literal["end_force", "work_conjugate"]
-
-# Tables of effects ([[effect]]: kind, where, named numbers) will become a key of ArmParameters beside `sections`,
-# with the names that the core's registry of effects knows; until then they are unknown keys, hence errors.
+_NOT_VALUES = ("schema_name", "name", "sections", "effects", "provenance")
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,7 @@ class StatedValue:
     Attributes:
         section: number of its section, from 1; None for values of the whole arm.
         bellows: number of its bellows within the section, from 1; None for values of the section.
+        effect: number of its effect, from 1; None for values that belong to no effect.
         key: its name in the file.
         value: number, text, switch or tuple of numbers.
         unit: unit of the value as text, empty where it has none.
@@ -47,6 +54,7 @@ class StatedValue:
     value: Any
     unit: str
     provenance: Provenance
+    effect: int | None = None
 
 
 class ArmParameters(Table):
@@ -67,13 +75,18 @@ class ArmParameters(Table):
         "one [[section]] table, in double brackets, per section of the arm", alias="section", min_length=1
     )
 
+    effects: tuple[EffectParameters, ...] = key(
+        "[[effect]] tables, in double brackets, one per effect", alias="effect", default=()
+    )
+
     # The text this was read from: writing back keeps its comments and order.
     _toml: str | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        stated = {name: value for name, value in self if name not in ("schema_name", "name", "sections", "provenance")}
+        stated = {name: value for name, value in self if name not in _NOT_VALUES}
         check_provenance(self.provenance, stated)
+        check_effects(self.effects, [len(s.resolved_bellows(1)) for s in self.sections], self.inputs)
         return self
 
     def __eq__(self, other: object) -> bool:
@@ -154,22 +167,24 @@ class ArmParameters(Table):
 
     def to_mapping(self) -> dict[str, Any]:
         """The nested mapping that the file amounts to: what was stated, nothing that is left to defaults."""
-        mapping = _stated_mapping(self, {"provenance", "sections"})
+        mapping = _stated_mapping(self, {"provenance", "sections", "effects"})
         tables: list[dict[str, Any]] = []
         for section in self.sections:
             table = _stated_mapping(section, {"provenance", "bellows"})
             if section.provenance:
-                table["provenance"] = _provenance_mapping(section.provenance)
+                table["provenance"] = provenance_mapping(section.provenance)
             if section.bellows is not None:
                 table["bellows"] = [
                     _stated_mapping(bellows, {"provenance"})
-                    | ({"provenance": _provenance_mapping(bellows.provenance)} if bellows.provenance else {})
+                    | ({"provenance": provenance_mapping(bellows.provenance)} if bellows.provenance else {})
                     for bellows in section.bellows
                 ]
             tables.append(table)
         if self.provenance:
-            mapping["provenance"] = _provenance_mapping(self.provenance)
+            mapping["provenance"] = provenance_mapping(self.provenance)
         mapping["section"] = tables
+        if self.effects:
+            mapping["effect"] = [effect.to_mapping() for effect in self.effects]
         return mapping
 
     def to_toml(self) -> str:
@@ -199,6 +214,7 @@ class ArmParameters(Table):
                 "mass": section.mass,
                 "inertia": section.resolved_inertia(),
                 "center_of_mass": section.center_of_mass,
+                "force_point": section.force_point,
                 "bellows_radius": section.bellows_radius,
                 "base_offset": section.base_offset,
                 "head_offset": section.head_offset,
@@ -217,16 +233,24 @@ class ArmParameters(Table):
             "coriolis_forces": self.coriolis_forces,
             "inputs": self.inputs,
             "section": sections,
+            "effect": [effect.to_core() for effect in self.effects],
         }
         return json.dumps(core, allow_nan=False)
 
     def stated_values(self) -> Iterator[StatedValue]:
         """Every value the file states, in its order of tables, with where it comes from."""
-        yield from _stated(self, None, None, {"schema_name", "name", "sections", "provenance"})
+        yield from _stated(self, None, None, set(_NOT_VALUES))
         for number, section in enumerate(self.sections, start=1):
             yield from _stated(section, number, None, {"bellows", "provenance"})
             for place, bellows in enumerate(section.bellows or (), start=1):
                 yield from _stated(bellows, number, place, {"provenance"})
+        for number, effect in enumerate(self.effects, start=1):
+            section_number, bellows_number = effect.section_and_bellows
+            units = {p.name: p.unit for p in effect.info.parameters}
+            for name, value in effect.parameters.items():
+                provenance = effect.provenance.get(name, ASSUMED)
+                unit = units.get(name, "")
+                yield StatedValue(section_number, bellows_number, name, value, unit, provenance, effect=number)
 
 
 def _stated(table: Any, section: int | None, bellows: int | None, skip: set[str]) -> Iterator[StatedValue]:
@@ -239,7 +263,3 @@ def _stated(table: Any, section: int | None, bellows: int | None, skip: set[str]
 
 def _stated_mapping(table: Table, skip: set[str]) -> dict[str, Any]:
     return table.model_dump(mode="json", exclude_unset=True, exclude_none=True, by_alias=True, exclude=skip)
-
-
-def _provenance_mapping(entries: Mapping[str, Provenance]) -> dict[str, Any]:
-    return {name: entry.to_mapping() for name, entry in entries.items()}

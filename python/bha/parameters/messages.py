@@ -79,7 +79,7 @@ def shown(value: Any) -> str:
 def _blamed(fault: Any) -> Location:
     """The key that a check of a whole table blames."""
     key = fault.get("ctx", {}).get("key", "")
-    return tuple(key.split(".")) if key else ()
+    return tuple(int(part) if part.isdigit() else part for part in key.split(".")) if key else ()
 
 
 def _locate(model: type[BaseModel], loc: Location) -> tuple[Location, type[BaseModel], str]:
@@ -155,7 +155,7 @@ def _value_at(mapping: Any, location: Location, otherwise: Any) -> Any:
     for part in location:
         if not isinstance(mapping, dict | list | tuple):
             return otherwise
-        mapping = mapping[part]
+        mapping = mapping[part]  # type: ignore[index]  # pydantic's location has an int for a list, a key for a table
     return mapping
 
 

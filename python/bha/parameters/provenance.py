@@ -13,6 +13,7 @@ A value without an entry counts as assumed: nothing becomes trustworthy by silen
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -81,6 +82,11 @@ def provenance_key() -> Any:
         description=f"a table from key to {STATUS_ALLOWED}, or to a table with one of these as its status",
         json_schema_extra={"unit": ""},
     )
+
+
+def provenance_mapping(entries: Mapping[str, Provenance]) -> dict[str, Any]:
+    """The ``[provenance]`` table as it stands in a file."""
+    return {name: entry.to_mapping() for name, entry in entries.items()}
 
 
 def check_provenance(entries: dict[str, Provenance], values: dict[str, Any]) -> None:

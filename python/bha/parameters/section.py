@@ -46,6 +46,11 @@ class SectionParameters(Table):
         "[Jx, Jy, Jz], numbers >= 0 (kg m^2), about the centre of mass in the head frame", unit="kg m^2", default=None
     )
     center_of_mass: Vector3 = key("[x, y, z], numbers (m), in the head frame", unit="m", default=(0.0, 0.0, 0.0))
+    force_point: Vector3 | None = key(
+        "[x, y, z], numbers (m), in the head frame: where external forces act; the centre of mass if left out",
+        unit="m",
+        default=None,
+    )
     bellows_radius: Positive = key("a number > 0 (m): distance of the three lengths from the centre line", unit="m")
     bellows_outer_radius: Positive | None = key(
         "a number > 0 (m): radius of one bellows; needed where inertia is left out", unit="m", default=None

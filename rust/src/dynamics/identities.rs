@@ -163,6 +163,7 @@ proptest! {
         turned.gravity = turn(arm.gravity);
         for (section, original) in turned.sections.iter_mut().zip(&arm.sections) {
             section.center_of_mass = turn(original.center_of_mass);
+            section.force_point = turn(original.force_point);
         }
         let shift = |x: &[f64]| x.chunks(3).flat_map(|c| [c[2], c[0], c[1]]).collect::<Vec<_>>();
         let (mut qdd, mut again) = (vec![0.0; m], vec![0.0; m]);
@@ -181,6 +182,7 @@ proptest! {
         arm.gravity.0[1] = 0.0;
         for s in &mut arm.sections {
             s.center_of_mass.0[1] = 0.0;
+            s.force_point.0[1] = 0.0;
         }
         let mirror = |x: Vec<f64>| x.chunks(3).flat_map(|c| [c[0], c[1], c[1]]).collect::<Vec<_>>();
         let (q, qd, p) = (mirror(seed.lengths(&arm)), mirror(seed.rates(&arm)), mirror(seed.pressures(&arm)));

@@ -1,5 +1,6 @@
 //! Equations of motion M q'' + C q' + N = tau, paper (48): terms, recursion, energy, statics.
 
+pub mod derivatives;
 pub mod energy;
 #[cfg(test)]
 mod identities;

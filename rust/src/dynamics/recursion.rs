@@ -14,7 +14,7 @@ use crate::forces::{ForceSet, Load, Wrench, accumulate, on_joint};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
 use crate::linear::{Mat3, Sym3, Vec3};
-use crate::real::Real;
+use crate::real::{Kernel, Real};
 
 /// A spatial inertia about O: [[rotational, coupling], [coupling^T, translational]].
 #[derive(Clone, Copy, Debug)]
@@ -121,6 +121,32 @@ pub fn forward_dynamics_into<T: Real>(
     solve(arm, ws, qdd);
 }
 
+/// [`forward_dynamics_into`] as a kernel: compiled once for each scalar, for its instruction set.
+pub struct ForwardDynamics<'a, T> {
+    /// The arm.
+    pub arm: &'a Arm<T>,
+    /// Lengths.
+    pub q: &'a [T],
+    /// Their rates.
+    pub qd: &'a [T],
+    /// Pressures.
+    pub p: &'a [T],
+    /// External forces.
+    pub f_ext: Option<&'a [Vec3<T>]>,
+    /// Work space.
+    pub ws: &'a mut Workspace<T>,
+    /// Where q'' goes.
+    pub qdd: &'a mut [T],
+}
+
+impl<T: Real> Kernel for ForwardDynamics<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        forward_dynamics_into(self.arm, self.q, self.qd, self.p, self.f_ext, self.ws, self.qdd);
+    }
+}
+
 /// The kinematics that forces and velocity products need.
 #[inline(always)]
 fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
@@ -166,7 +192,8 @@ pub(crate) fn solve<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T])
     let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
     for (i, section) in arm.sections.iter().enumerate() {
         let (joint, s) = (&joints[i], &links[i].subspace);
-        let carried = joint.u.map(|(a, l)| a.dot(angular) + l.dot(linear));
+        let u = &joint.u;
+        let carried = [power(angular, linear, &u[0]), power(angular, linear, &u[1]), power(angular, linear, &u[2])];
         let rate = joint.inverse.mul_vec(joint.force - Vec3(carried));
         let (da, dl) = s.twist(rate);
         angular += da;
@@ -186,9 +213,22 @@ fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load:
         inertia.mul(s.angular[1], s.linear[1]),
         (inertia.coupling.mul_vec(along_l), inertia.translational.mul_vec(along_l)),
     ];
-    let d = |r: usize, c: usize| s.angular[r].dot(u[c].0) + s.linear[r].dot(u[c].1);
-    let joint_inertia = Sym3([d(0, 0), d(0, 1), d(0, 2), d(1, 1), d(1, 2), along_l.dot(u[2].1)]);
+    let ([a, b], [f, g, _]) = (s.angular, s.linear);
+    let (first, second) = ([power(a, f, &u[0]), power(a, f, &u[1]), power(a, f, &u[2])], power(b, g, &u[1]));
+    let joint_inertia = Sym3([first[0], first[1], first[2], second, power(b, g, &u[2]), along_l.dot(u[2].1)]);
     Joint { u, inverse: joint_inertia.inverse(), force: load.on_arc - on_joint(link, bias) }
+}
+
+/// u[0] k[0] + u[1] k[1] + u[2] k[2].
+#[inline(always)]
+fn mix<T: Real>(u: &[(Vec3<T>, Vec3<T>); 3], k: [T; 3]) -> (Vec3<T>, Vec3<T>) {
+    (u[0].0.combined(k, u[1].0, u[2].0), u[0].1.combined(k, u[1].1, u[2].1))
+}
+
+/// The scalar product of a motion (angular, linear) and a force.
+#[inline(always)]
+fn power<T: Real>(angular: Vec3<T>, linear: Vec3<T>, force: &(Vec3<T>, Vec3<T>)) -> T {
+    angular.dot(force.0) + linear.dot(force.1)
 }
 
 /// What the body below feels of the inertia and the bias above its joint.
@@ -196,23 +236,19 @@ fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load:
 fn hand_down<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, joint: &Joint<T>) -> (Inertia<T>, Wrench<T>) {
     let [xx, xy, xz, yy, yz, zz] = joint.inverse.0;
     let u = &joint.u;
-    let mix = |a: T, b: T, c: T| (u[0].0 * a + u[1].0 * b + u[2].0 * c, u[0].1 * a + u[1].1 * b + u[2].1 * c);
-    let k = [mix(xx, xy, xz), mix(xy, yy, yz), mix(xz, yz, zz)];
+    let k = [mix(u, [xx, xy, xz]), mix(u, [xy, yy, yz]), mix(u, [xz, yz, zz])];
     let mut out = *inertia;
-    let upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-    for (e, (r, c)) in upper.into_iter().enumerate() {
-        out.rotational.0[e] -= k[0].0.0[r] * u[0].0.0[c] + k[1].0.0[r] * u[1].0.0[c] + k[2].0.0[r] * u[2].0.0[c];
-        out.translational.0[e] -= k[0].1.0[r] * u[0].1.0[c] + k[1].1.0[r] * u[1].1.0[c] + k[2].1.0[r] * u[2].1.0[c];
+    for j in 0..3 {
+        let ((ka, kl), (ua, ul)) = (k[j], u[j]);
+        out.rotational = out.rotational.minus_product(ka, ua);
+        out.coupling = out.coupling.minus_product(ka, ul);
+        out.translational = out.translational.minus_product(kl, ul);
     }
-    for r in 0..3 {
-        for c in 0..3 {
-            out.coupling.0[r][c] -= k[0].0.0[r] * u[0].1.0[c] + k[1].0.0[r] * u[1].1.0[c] + k[2].0.0[r] * u[2].1.0[c];
-        }
-    }
-    let [f0, f1, f2] = joint.force.0;
     let mut below = *bias;
-    below.torque += k[0].0 * f0 + k[1].0 * f1 + k[2].0 * f2;
-    below.force += k[0].1 * f0 + k[1].1 * f1 + k[2].1 * f2;
+    for j in 0..3 {
+        below.torque = k[j].0.mul_add(joint.force.0[j], below.torque);
+        below.force = k[j].1.mul_add(joint.force.0[j], below.force);
+    }
     (out, below)
 }
 

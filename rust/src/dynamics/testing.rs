@@ -48,6 +48,7 @@ fn section(index: usize, x: &[f64]) -> SectionParameters {
     SectionParameters {
         mass: 0.2 + x[7],
         inertia: [0.002 + 0.004 * x[8], 0.003 + 0.002 * x[9], 0.002 + 0.003 * x[10]],
+        force_point: None,
         center_of_mass: [0.03 * (x[11] - 0.5), 0.03 * (x[12] - 0.5), 0.05 * (x[13] - 0.5)],
         bellows_radius: radius,
         base_offset: 0.03 * x[14],

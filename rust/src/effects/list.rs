@@ -164,7 +164,7 @@ fn entry(number: usize, p: &EffectParameters, arm: &Arm<f64>, inputs: &[String])
     } else {
         (info.parameters.iter().map(|q| q.name.to_owned()).collect(), numbers(&at, info, p)?)
     };
-    let definition = Arc::new(Definition { place, target, program });
+    let definition = Arc::new(Definition { place, target, ambient_pressure: arm.ambient_pressure, program });
     if let Some(reason) = (info.objection)(&values, &definition, arm) {
         return Err(wrong(&at, "parameters", format!("{values:?}"), reason));
     }

@@ -22,14 +22,19 @@ pub mod expression;
 pub mod kinds;
 mod list;
 mod place;
+pub mod poses;
+pub mod pressures;
 mod registry;
+pub mod sensors;
 mod slip;
 pub mod state;
+#[cfg(test)]
+mod tests;
 
 pub use kinds::{KINDS, Kind, KindInfo};
 pub use list::{Effects, Entry};
 pub use place::{Place, Target};
-pub use state::{EffectState, Instant};
+pub use state::{BellowsState, EffectState, Instant};
 
 use self::kinds::formula;
 use crate::arm::Arm;
@@ -111,6 +116,8 @@ pub struct Definition {
     pub place: Place,
     /// The parts of the arm that this means.
     pub target: Target,
+    /// Ambient pressure of the arm, Pa.
+    pub ambient_pressure: f64,
     /// The program of a formula.
     pub program: Option<Arc<formula::Program>>,
 }
@@ -166,10 +173,10 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
         false
     }
 
-    /// Takes its pressures `out`, one an input, over `elapsed` seconds in which what comes in goes from `from` to `to`
-    /// in a straight line. `out` holds its last values, for inputs it does not act on already those of `to`.
+    /// Turns what comes in into what goes out, in place: `p` holds one pressure an input. Over `elapsed` seconds what comes
+    /// in has gone from `from` to `p` in a straight line; `last` went out at the start.
     #[inline(always)]
-    fn pressures(&self, _elapsed: f64, _from: &[T], _to: &[T], _out: &mut [T]) {}
+    fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], _p: &mut [T]) {}
 
     /// What comes out when everything rests at the pressures in `p`, in place.
     #[inline(always)]

@@ -84,6 +84,15 @@ pub struct Target {
     pub lengths: Range<usize>,
 }
 
+/// The inputs of a section's bellows; none if they are not neighbours in the arm's order of inputs.
+fn section_inputs<T>(arm: &Arm<T>, section: usize) -> Range<usize> {
+    let fed = || arm.sections[section].bellows.iter().map(|b| b.input);
+    match (fed().min(), fed().max()) {
+        (Some(first), Some(last)) if (first..=last).all(|j| fed().any(|k| k == j)) => first..last + 1,
+        _ => 0..0,
+    }
+}
+
 impl Target {
     /// What `place` means on `arm` with the given input names, or what is wrong with it.
     pub fn new<T>(place: &Place, arm: &Arm<T>, inputs: &[String]) -> Result<Self, String> {
@@ -113,7 +122,7 @@ impl Target {
                 Ok(Self {
                     sections: i..i + 1,
                     bellows: starts[i]..starts[i + 1],
-                    inputs: 0..0,
+                    inputs: section_inputs(arm, i),
                     lengths: 3 * i..3 * i + 3,
                 })
             }

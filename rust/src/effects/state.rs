@@ -112,14 +112,20 @@ impl<T: Real> EffectState<T> {
         let n = x.len() / 2;
         let mut all = self.bellows.iter_mut();
         for (i, section) in arm.sections.iter().enumerate() {
-            let three = |k: usize| arc_from_lengths(Vec3([x[k], x[k + 1], x[k + 2]]), section.inverse_radius);
-            let (arc, rate) = (three(3 * i), three(n + 3 * i));
+            let arc = three(x, 3 * i, section.inverse_radius);
+            let rate = three(x, n + 3 * i, section.inverse_radius);
             for (b, state) in section.bellows.iter().zip(&mut all) {
                 state.length = length(b, arc);
                 state.rate = length(b, rate);
             }
         }
     }
+}
+
+/// (u, v, l), or their rates, from three entries of the state.
+#[inline(always)]
+fn three<T: Real>(x: &[T], k: usize, inverse_radius: T) -> Vec3<T> {
+    arc_from_lengths(Vec3([x[k], x[k + 1], x[k + 2]]), inverse_radius)
 }
 
 /// Adds the forces of all effects of the wanted sort (`actuation`: those that belong to tau) to `loads` and to the bellows'

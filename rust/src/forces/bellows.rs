@@ -22,7 +22,7 @@ use std::slice::Iter;
 /// Length of a bellows at (u, v, l), or its rate at (u', v', l').
 #[inline(always)]
 pub fn length<T: Real>(b: &Bellows<T>, arc: Vec3<T>) -> T {
-    arc.z() - b.x * arc.x() - b.y * arc.y()
+    b.y.neg_mul_add(arc.y(), b.x.neg_mul_add(arc.x(), arc.z()))
 }
 
 /// Spring force F_spr, a polynomial in (length - rest_length) without constant term.
@@ -64,17 +64,17 @@ pub(super) fn add<T: Real>(
     for (b, extra) in section.bellows.iter().zip(extra) {
         let mut force = *extra;
         if set.actuation {
-            force += b.terminal_area * (p[b.input] - arm.ambient_pressure);
+            force = b.terminal_area.mul_add(p[b.input] - arm.ambient_pressure, force);
         }
         if set.spring {
             force -= spring(b, length(b, link.arc));
         }
         if set.damping {
-            force -= b.damping * length(b, link.rate);
+            force = b.damping.neg_mul_add(length(b, link.rate), force);
         }
         along += force;
-        moment_x += b.x * force;
-        moment_y += b.y * force;
+        moment_x = b.x.mul_add(force, moment_x);
+        moment_y = b.y.mul_add(force, moment_y);
     }
     match arm.force_model {
         ForceModel::WorkConjugate => loads[i].on_arc += Vec3([-moment_x, -moment_y, along]),

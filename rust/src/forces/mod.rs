@@ -104,8 +104,8 @@ impl ForceSet {
 
 /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
 ///
-/// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's centre of
-/// mass in the base frame, N (none: no external force); `state`: work space and hidden states of the effects.
+/// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force point (by default its centre of
+/// mass) in the base frame, N (none: no external force); `state`: work space and hidden states of the effects.
 #[inline(always)]
 pub fn accumulate<T: Real>(
     arm: &Arm<T>,
@@ -133,7 +133,7 @@ pub fn accumulate<T: Real>(
         if set.external
             && let Some(f) = f_ext
         {
-            loads[i].on_head.add(Wrench::at(link.center, f[i]));
+            loads[i].on_head.add(Wrench::at(link.position + link.rotation.mul_vec(section.force_point), f[i]));
         }
     }
 }

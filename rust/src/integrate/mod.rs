@@ -8,6 +8,9 @@ pub use tableau::{DORMAND_PRINCE_54, Method, RK4, Tableau};
 
 use crate::real::Real;
 
+/// The reason given where a state is no longer finite.
+pub(crate) const NOT_FINITE: &str = "the state is no longer finite; try a smaller step or tolerance";
+
 /// A system of ordinary differential equations x' = f(t, x), possibly with hidden states of its own.
 ///
 /// Hidden states are those that are better advanced by an exact update than by the integrator (stiff or not smooth). The
@@ -24,7 +27,16 @@ pub trait System<T: Real> {
     fn next_break(&mut self, _t: f64) -> f64 {
         f64::INFINITY
     }
-    /// Why the state `x` cannot be gone on from, if so.
+    /// Looks at the state `x1` in which a step from `t0` ended, before it is taken over; why it cannot be gone on from, if
+    /// so. A system of several lanes may put something else in the place of single lanes.
+    #[inline(always)]
+    fn inspect(&mut self, _t0: f64, x1: &mut [T]) -> Option<String> {
+        if !x1.iter().all(|x| x.is_finite()) {
+            return Some(NOT_FINITE.to_owned());
+        }
+        self.objection(x1)
+    }
+    /// Why the finite state `x` cannot be gone on from, if so.
     fn objection(&self, _x: &[T]) -> Option<String> {
         None
     }

@@ -198,10 +198,7 @@ impl<T: Real> Integrator<T> {
     /// Takes over the new state in `stage` unless it cannot be gone on from.
     #[inline(always)]
     fn accept<S: System<T>>(&mut self, system: &mut S, t1: f64) -> Result<()> {
-        if !self.stage.iter().all(|x| x.is_finite()) {
-            return Err(self.failure("the state is no longer finite; try a smaller step or tolerance".to_owned()));
-        }
-        if let Some(reason) = system.objection(&self.stage) {
+        if let Some(reason) = system.inspect(self.t, &mut self.stage) {
             return Err(self.failure(reason));
         }
         system.end_step(t1, &self.stage);

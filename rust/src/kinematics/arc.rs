@@ -59,6 +59,12 @@ fn polynomial<T: Real>(c: &[f64; TERMS], x: T, xx: T) -> T {
     odd.mul_add(x, even)
 }
 
+/// c_k = 1/k! - x c_{k+2}.
+#[inline(always)]
+fn down<T: Real>(inverse_factorial: f64, x: T, next: T) -> T {
+    x.neg_mul_add(next, T::from_f64(inverse_factorial))
+}
+
 impl<T: Real> ArcFunctions<T> {
     /// The functions at `s = psi^2`: series at s/4, then the angle doubled.
     #[inline(always)]
@@ -66,22 +72,20 @@ impl<T: Real> ArcFunctions<T> {
         let x = s * 0.25;
         let xx = x * x;
         let (h5, h6) = (polynomial(&C5, x, xx), polynomial(&C6, x, xx));
-        let h4 = T::from_f64(1.0 / 24.0) - x * h6;
-        let h3 = T::from_f64(1.0 / 6.0) - x * h5;
-        let h2 = T::from_f64(0.5) - x * h4;
-        let h1 = T::from_f64(1.0) - x * h3;
-        let h0 = T::from_f64(1.0) - x * h2;
+        let (h4, h3) = (down(1.0 / 24.0, x, h6), down(1.0 / 6.0, x, h5));
+        let (h2, h1) = (down(0.5, x, h4), down(1.0, x, h3));
+        let h0 = down(1.0, x, h2);
         // c_k(4x) from c_k(x): sums of products without cancellation.
         let c2 = h1 * h1 * 0.5;
         Self {
             c: [
-                T::from_f64(1.0) - s * c2,
+                s.neg_mul_add(c2, T::one()),
                 h0 * h1,
                 c2,
-                (h2 + h0 * h3) * 0.25,
+                h0.mul_add(h3, h2) * 0.25,
                 h3 * (h1 + 1.0) * 0.125,
-                (h4 + h5 + h2 * h3) * 0.0625,
-                (h5 * 2.0 + h3 * h3) * 0.03125,
+                h2.mul_add(h3, h4 + h5) * 0.0625,
+                h3.mul_add(h3, h5 * 2.0) * 0.03125,
             ],
         }
     }

@@ -90,8 +90,8 @@ pub fn step<T: Real>(
     let reach = r.mul_vec(pose.position);
     let position = below.position + reach;
     let rotation = r.mul_mat(&pose.rotation);
-    let angular = local.angular.map(|e| r.mul_vec(e));
-    let linear = local.linear.map(|f| r.mul_vec(f));
+    let angular = [r.mul_vec(local.angular[0]), r.mul_vec(local.angular[1])];
+    let linear = [r.mul_vec(local.linear[0]), r.mul_vec(local.linear[1]), r.mul_vec(local.linear[2])];
     let subspace = Subspace {
         angular,
         linear: [linear[0] + position.cross(angular[0]), linear[1] + position.cross(angular[1]), linear[2]],

@@ -64,9 +64,9 @@ impl<T: Real> Bent<T> {
             f,
             base_offset,
             head_offset,
-            g: l * f.b() + head_offset * f.a(),
-            g_s: l * f.b_s() + head_offset * f.a_s(),
-            k_s: l * f.a_s() - head_offset * f.a() * 0.5,
+            g: head_offset.mul_add(f.a(), l * f.b()),
+            g_s: head_offset.mul_add(f.a_s(), l * f.b_s()),
+            k_s: l.mul_sub(f.a_s(), head_offset * f.a() * 0.5),
         }
     }
 
@@ -77,8 +77,12 @@ impl<T: Real> Bent<T> {
         let (ua, va, ub) = (u * a, v * a, u * b);
         let uvb = ub * v;
         Pose {
-            rotation: Mat3([[T::one() - ub * u, -uvb, ua], [-uvb, T::one() - v * v * b, va], [-ua, -va, c]]),
-            position: Vec3([u * self.g, v * self.g, l * a + self.head_offset * c + self.base_offset]),
+            rotation: Mat3([
+                [ub.neg_mul_add(u, T::one()), -uvb, ua],
+                [-uvb, (v * v).neg_mul_add(b, T::one()), va],
+                [-ua, -va, c],
+            ]),
+            position: Vec3([u * self.g, v * self.g, l.mul_add(a, self.head_offset.mul_add(c, self.base_offset))]),
         }
     }
 
@@ -89,10 +93,10 @@ impl<T: Real> Bent<T> {
         let (duv, ug, vg) = (d * u * v, u * self.g_s * 2.0, v * self.g_s * 2.0);
         let uvg = ug * v;
         Subspace {
-            angular: [Vec3([-duv, a + d * u * u, -(b * v)]), Vec3([-(a + d * v * v), duv, b * u])],
+            angular: [Vec3([-duv, (d * u).mul_add(u, a), -(b * v)]), Vec3([-(d * v).mul_add(v, a), duv, b * u])],
             linear: [
-                Vec3([self.g + ug * u, uvg, u * self.k_s * 2.0]),
-                Vec3([uvg, self.g + vg * v, v * self.k_s * 2.0]),
+                Vec3([ug.mul_add(u, self.g), uvg, u * self.k_s * 2.0]),
+                Vec3([uvg, vg.mul_add(v, self.g), v * self.k_s * 2.0]),
                 Vec3([u * b, v * b, a]),
             ],
         }
@@ -103,8 +107,8 @@ impl<T: Real> Bent<T> {
     fn second(&self) -> (T, T) {
         let l = self.arc.z();
         (
-            l * self.f.b_ss() + self.head_offset * self.f.a_ss(),
-            l * self.f.a_ss() - self.head_offset * self.f.a_s() * 0.5,
+            self.head_offset.mul_add(self.f.a_ss(), l * self.f.b_ss()),
+            l.mul_sub(self.f.a_ss(), self.head_offset * self.f.a_s() * 0.5),
         )
     }
 
@@ -115,16 +119,18 @@ impl<T: Real> Bent<T> {
         let f = &self.f;
         let (g_ss, k_ss) = self.second();
         // sigma = ds/dt / 2, nu = its own derivative at zero acceleration, xi = u v' - v u'.
-        let (sigma, nu, xi) = (u * du + v * dv, du * du + dv * dv, u * dv - v * du);
+        let (sigma, nu, xi) = (v.mul_add(dv, u * du), dv.mul_add(dv, du * du), u.mul_sub(dv, v * du));
         let sigma2 = sigma * sigma * 4.0;
-        let turn = (f.a_s() * 2.0 + f.d()) * sigma;
-        let stretch = f.d_s() * sigma * sigma * 2.0 + f.d() * nu;
-        let g_t = (self.g_s * sigma * 2.0 + f.b() * dl) * 2.0;
-        let g_tt = g_ss * sigma2 + self.g_s * nu * 2.0 + f.b_s() * sigma * dl * 4.0;
-        let k_tt = k_ss * sigma2 + self.k_s * nu * 2.0 + f.a_s() * sigma * dl * 4.0;
+        let turn = f.a_s().mul_add(T::from_f64(2.0), f.d()) * sigma;
+        let stretch = f.d_s().mul_add(sigma2 * 0.5, f.d() * nu);
+        let g_t = self.g_s.mul_add(sigma * 2.0, f.b() * dl) * 2.0;
+        let (nu2, sigma_dl4) = (nu * 2.0, sigma * dl * 4.0);
+        let g_tt = g_ss.mul_add(sigma2, self.g_s.mul_add(nu2, f.b_s() * sigma_dl4));
+        let k_tt = k_ss.mul_add(sigma2, self.k_s.mul_add(nu2, f.a_s() * sigma_dl4));
+        let angular = [turn.mul_add(dv, stretch * v), turn.mul_add(du, stretch * u)];
         Bias {
-            angular: Vec3([-(turn * dv + stretch * v), turn * du + stretch * u, f.b_s() * sigma * xi * 2.0]),
-            linear: Vec3([g_t * du + g_tt * u, g_t * dv + g_tt * v, k_tt]),
+            angular: Vec3([-angular[0], angular[1], f.b_s() * sigma * xi * 2.0]),
+            linear: Vec3([g_t.mul_add(du, g_tt * u), g_t.mul_add(dv, g_tt * v), k_tt]),
         }
     }
 
@@ -161,7 +167,10 @@ impl<T: Real> Subspace<T> {
     #[inline(always)]
     pub fn twist(&self, rate: Vec3<T>) -> (Vec3<T>, Vec3<T>) {
         let [du, dv, dl] = rate.0;
-        (self.angular[0] * du + self.angular[1] * dv, self.linear[0] * du + self.linear[1] * dv + self.linear[2] * dl)
+        (
+            self.angular[1].mul_add(dv, self.angular[0] * du),
+            self.linear[2].mul_add(dl, self.linear[1].mul_add(dv, self.linear[0] * du)),
+        )
     }
 }
 

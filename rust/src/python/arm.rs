@@ -9,6 +9,7 @@ use crate::dynamics::statics;
 use crate::dynamics::terms::{
     actuation_matrix_into, coriolis_matrix_into, generalized_force_into, inertia_matrix_into,
 };
+use crate::effects;
 use crate::forces::ForceSet;
 use crate::kinematics::chain::{Motion, pass};
 use crate::kinematics::coordinates::configuration;
@@ -18,6 +19,7 @@ use crate::parameters::ArmParameters;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::borrow::Cow;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 /// The model of one arm, from the fully expanded parameters as JSON.
@@ -53,6 +55,16 @@ impl PyArm {
         out
     }
 
+    /// The pressures that act at rest under the logged ones.
+    fn acting<'a>(&self, p: &'a [f64]) -> Cow<'a, [f64]> {
+        if self.arm.effects.list.is_empty() {
+            return Cow::Borrowed(p);
+        }
+        let mut out = p.to_vec();
+        effects::pressures::at_rest(&self.arm, &mut out);
+        Cow::Owned(out)
+    }
+
     fn point(&self, py: Python<'_>, section: usize, fraction: f64, offset: [f64; 3]) -> PyResult<Point<f64>> {
         let count = self.arm.sections.len();
         if section == 0 || section > count {
@@ -79,14 +91,23 @@ impl PyArm {
         Ok(Self { ws: Mutex::new(Workspace::new(&arm)), arm: Arc::new(arm) })
     }
 
-    /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the base frame. Paper (14).
+    /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the base frame, effects on poses
+    /// (torsion, non_constant_curvature) included. Paper (14).
     fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
         let (py, n) = (q.py(), self.arm.sections.len());
         let q = vector(q, "q", self.size())?;
         let mut ws = self.workspace();
         pass(&self.arm, q.as_slice()?, &[], Motion::Pose, &mut ws.links);
-        let positions = ws.links.iter().flat_map(|l| l.position.0).collect();
-        let rotations = ws.links.iter().flat_map(|l| l.rotation.0).flatten().collect();
+        let (mut positions, mut rotations) = (Vec::with_capacity(3 * n), Vec::with_capacity(9 * n));
+        if effects::poses::acts(&*self.arm) {
+            effects::poses::heads(&self.arm, &ws.links, |head| {
+                positions.extend(head.position.0);
+                rotations.extend(head.rotation.0.as_flattened());
+            });
+        } else {
+            positions.extend(ws.links.iter().flat_map(|l| l.position.0));
+            rotations.extend(ws.links.iter().flat_map(|l| l.rotation.0).flatten());
+        }
         Ok((shaped(py, positions, [n, 3])?, shaped(py, rotations, [n, 3, 3])?))
     }
 
@@ -173,11 +194,11 @@ impl PyArm {
             inertia_matrix: shaped(py, inertia, [m, m])?.unbind(),
             coriolis_matrix: shaped(py, coriolis, [m, m])?.unbind(),
             bias_force: small(py, &passive.iter().map(|f| -f).collect::<Vec<_>>()).unbind(),
-            actuation_force: small(py, &self.force(actuation, (q, qd), p, None)).unbind(),
+            actuation_force: small(py, &self.force(actuation, (q, qd), &self.acting(p), None)).unbind(),
         })
     }
 
-    /// N's parts by name (spring, damping, bending, gravity, external), each (3n,); they add up to `bias_force`. Paper (52).
+    /// N's parts by name (spring, damping, bending, gravity, external, effects), each (3n,); they add up to `bias_force`. Paper (52).
     #[pyo3(signature = (q, qd, f_ext = None))]
     fn bias_force_parts<'py>(
         &self,
@@ -196,6 +217,7 @@ impl PyArm {
             ("bending", ForceSet { bending: true, ..none }),
             ("gravity", ForceSet { gravity: true, ..none }),
             ("external", ForceSet { external: true, ..none }),
+            ("effects", ForceSet { effects: true, ..none }),
         ] {
             let force = self.force(set, (q.as_slice()?, qd.as_slice()?), &[], f.as_deref());
             out.set_item(name, small(py, &force.iter().map(|f| 0.0 - f).collect::<Vec<_>>()))?;
@@ -240,7 +262,7 @@ impl PyArm {
     fn actuation_force<'py>(&self, q: &Bound<'py, PyAny>, p: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
         let (q, p) = (vector(q, "q", self.size())?, vector(p, "p", self.arm.inputs)?);
         let set = ForceSet { actuation: true, ..ForceSet::NONE };
-        Ok(small(q.py(), &self.force(set, (q.as_slice()?, &[]), p.as_slice()?, None)))
+        Ok(small(q.py(), &self.force(set, (q.as_slice()?, &[]), &self.acting(p.as_slice()?), None)))
     }
 
     /// d tau/dp (3n, inputs): tau = A(q) (p - p_amb).
@@ -249,10 +271,21 @@ impl PyArm {
         let q = vector(q, "q", m)?;
         let mut out = vec![0.0; m * inputs];
         actuation_matrix_into(&self.arm, q.as_slice()?, &mut self.workspace(), &mut out);
+        // The acting pressures are an affine function of the logged ones, one by one.
+        let (zero, one) = (vec![0.0; inputs], vec![1.0; inputs]);
+        let (zero, one) = (self.acting(&zero), self.acting(&one));
+        for row in out.chunks_exact_mut(inputs.max(1)) {
+            for (a, (one, zero)) in row.iter_mut().zip(one.iter().zip(zero.iter())) {
+                *a *= one - zero;
+            }
+        }
         shaped(py, out, [m, inputs])
     }
 
     /// q'' (3n,), in O(n). Paper (48).
+    ///
+    /// Of an arm with effects the stateless parts act; hidden states (creep, hysteresis, friction, lag, delay, dead band) are
+    /// at rest: they exert no force and the pressures have settled.
     #[pyo3(signature = (q, qd, p, f_ext = None))]
     fn forward_dynamics<'py>(
         &self,
@@ -270,7 +303,7 @@ impl PyArm {
         {
             let mut view = numpy::PyArrayMethods::readwrite(&out);
             let qdd = view.as_slice_mut()?;
-            forward_dynamics_into(&self.arm, q, qd, p, f.as_deref(), &mut self.workspace(), qdd);
+            forward_dynamics_into(&self.arm, q, qd, &self.acting(p), f.as_deref(), &mut self.workspace(), qdd);
         }
         Ok(out)
     }
@@ -313,12 +346,13 @@ impl PyArm {
         let py = p.py();
         let p = vector(p, "p", self.arm.inputs)?;
         let f = self.external(f_ext)?;
+        let p = self.acting(p.as_slice()?);
         let result = if coupled {
             let start = start.map(|s| vector(s, "start", self.size())).transpose()?;
             let start = start.as_ref().map(|s| s.as_slice()).transpose()?;
-            statics::static_lengths(&self.arm, p.as_slice()?, f.as_deref(), start)
+            statics::static_lengths(&self.arm, &p, f.as_deref(), start)
         } else {
-            statics::static_decoupled_lengths(&self.arm, p.as_slice()?)
+            statics::static_decoupled_lengths(&self.arm, &p)
         };
         result.map(|q| small(py, &q)).map_err(|e| to_python(py, &e))
     }

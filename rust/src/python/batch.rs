@@ -7,6 +7,7 @@ use super::simulation::{interpolation_by_name, options};
 use crate::batch::{Batch, Channels, Member};
 use crate::error::Error;
 use crate::input::Input;
+use crate::real::lanes::InstructionSet;
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -19,7 +20,7 @@ type Samples<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyA
 ///
 /// Returns (lengths, velocities or None, head positions or None, failures, statistics); see `bha.simulate_batch`.
 #[pyfunction]
-#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, threads = 0, progress = None))]
+#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, measured = false, threads = 0, instruction_set = None, progress = None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
@@ -39,7 +40,9 @@ pub fn simulate_batch<'py>(
     max_steps: Option<u64>,
     velocities: bool,
     head_positions: bool,
+    measured: bool,
     threads: usize,
+    instruction_set: Option<&str>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Blocks<'py>, Option<Blocks<'py>>, Option<Blocks<'py>>, Vec<Option<Py<PyAny>>>, Bound<'py, PyArray2<u64>>)>
 {
@@ -81,7 +84,8 @@ pub fn simulate_batch<'py>(
         inputs: &inputs,
         members: &members,
         options,
-        channels: Channels { velocities, head_positions },
+        channels: Channels { velocities, head_positions, measured },
+        instruction_set: instruction_set_by_name(py, instruction_set)?,
     };
     let mut signal: Option<PyErr> = None;
     let progress = progress.map(|p| p.clone().unbind());
@@ -113,4 +117,19 @@ pub fn simulate_batch<'py>(
         out.failures.iter().map(failure).collect(),
         numpy::PyArrayMethods::reshape(&numpy::IntoPyArray::into_pyarray(counts, py), [count, 3])?,
     ))
+}
+
+/// By the user's name; the widest one that this processor has if none.
+fn instruction_set_by_name(py: Python<'_>, name: Option<&str>) -> PyResult<InstructionSet> {
+    let Some(name) = name else { return Ok(InstructionSet::best()) };
+    let available: Vec<_> = InstructionSet::ALL.into_iter().filter(|s| s.is_available()).map(|s| s.name()).collect();
+    InstructionSet::by_name(name)
+        .filter(|s| s.is_available())
+        .ok_or_else(|| input(py, format!("instruction_set: {name:?}; this processor has {}", available.join(", "))))
+}
+
+/// Names of the instruction sets that this processor has, from the narrowest on.
+#[pyfunction]
+pub fn instruction_sets() -> Vec<&'static str> {
+    InstructionSet::ALL.into_iter().filter(|s| s.is_available()).map(|s| s.name()).collect()
 }

@@ -71,13 +71,13 @@ impl PySimulation {
         Ok(Self { simulation, sections, inputs })
     }
 
-    /// Goes on to the last of `times` and returns (lengths, velocities, pressures, head_positions, failure): a row at each
-    /// time reached, and None or the `SimulationError` that ended the run.
+    /// Goes on to the last of `times` and returns (lengths, velocities, pressures, head_positions, measured_lengths, failure): a row at each
+    /// time reached (measured_lengths: None where no effect acts on sensors), and None or the `SimulationError` that ended the run.
     #[allow(clippy::type_complexity)]
     fn advance<'py>(
         &self,
         times: &Bound<'py, PyAny>,
-    ) -> PyResult<(Block<'py>, Block<'py>, Block<'py>, Block<'py>, Option<Py<PyAny>>)> {
+    ) -> PyResult<(Block<'py>, Block<'py>, Block<'py>, Block<'py>, Option<Block<'py>>, Option<Py<PyAny>>)> {
         let py = times.py();
         let times = any_vector(times, "times")?.as_slice()?.to_vec();
         let mut signal: Option<PyErr> = None;
@@ -99,11 +99,14 @@ impl PySimulation {
         let (rows, result) = outcome.ok_or_else(|| busy(py))?.map_err(|text| input(py, text))?;
         let failure = result.err().map(|e| to_python(py, &e).into_value(py).into_any());
         let (m, n) = (rows.count, 3 * self.sections);
+        let measured = rows.measured_lengths;
+        let measured = (m > 0 && !measured.is_empty()).then(|| shaped(py, measured, [m, n]));
         Ok((
             shaped(py, rows.lengths, [m, n])?,
             shaped(py, rows.velocities, [m, n])?,
             shaped(py, rows.pressures, [m, self.inputs])?,
             shaped(py, rows.head_positions, [m, n])?,
+            measured.transpose()?,
             failure,
         ))
     }

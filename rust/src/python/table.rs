@@ -19,7 +19,7 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
 /// Read a table of numbers from a CSV file, plain or gzip.
 ///
 /// `plan` gets the headings and returns for each its use ("skip", "number", "time" or "free"), the least value it may
-/// have, and what to say of a smaller one. `progress` gets bytes read and size of the file. Returns for each heading an array, None where it
+/// have, and what to say of a smaller one. `progress` gets the fraction of the file that is done. Returns for each heading an array, None where it
 /// was skipped, or (line, text) where a free column holds something else than numbers; and whether the last line has no
 /// end. Raises LogError; what `plan` and `progress` raise comes back as it is.
 #[pyfunction]
@@ -46,7 +46,8 @@ fn read_table<'py>(
     let mut watch = |done: u64, size: u64| {
         let told = Python::attach(|py| {
             py.check_signals()?;
-            progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done, size)).map(drop))
+            let Some(call) = &progress else { return Ok(()) };
+            call.call1(py, (done as f64 / size.max(1) as f64,)).map(drop)
         });
         match told {
             Ok(()) => ControlFlow::Continue(()),

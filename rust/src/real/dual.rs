@@ -1,15 +1,18 @@
 //! Forward-mode dual numbers: a value and its derivatives along `N` directions.
+//!
+//! Over lanes each lane has its own value and its own `N` directions: with one value in all lanes, `Dual<1, Lanes<R>>`
+//! takes as many derivatives as there are lanes in one pass.
 
-use super::Real;
+use super::{Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// `value + sum_j derivative[j] eps_j` with `eps_j eps_k = 0`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dual<const N: usize> {
+pub struct Dual<const N: usize, T = f64> {
     /// The value.
-    pub value: f64,
+    pub value: T,
     /// The derivatives along the `N` directions.
-    pub derivative: [f64; N],
+    pub derivative: [T; N],
 }
 
 impl<const N: usize> Dual<N> {
@@ -22,67 +25,98 @@ impl<const N: usize> Dual<N> {
         }
         Self { value, derivative }
     }
+}
+
+impl<const N: usize, T: Real> Dual<N, T> {
+    /// A variable that is the same in every lane; `seed` gives the derivative along direction `j` of lane `k`, `j LANES + k`
+    /// in all.
+    #[inline(always)]
+    pub fn seeded(value: f64, mut seed: impl FnMut(usize) -> f64) -> Self {
+        let mut derivative = [T::zero(); N];
+        for (j, d) in derivative.iter_mut().enumerate() {
+            *d = T::from_lanes(|k| seed(j * T::LANES + k));
+        }
+        Self { value: T::from_f64(value), derivative }
+    }
+
+    /// The derivative along direction `j LANES + k`.
+    #[inline(always)]
+    pub fn along(&self, direction: usize) -> f64 {
+        self.derivative[direction / T::LANES].lane(direction % T::LANES)
+    }
 
     /// `f(self)` given `f` and `f'` at the value.
     #[inline(always)]
-    fn chain(self, f: f64, df: f64) -> Self {
-        Self { value: f, derivative: self.derivative.map(|d| d * df) }
-    }
-
-    #[inline(always)]
-    fn zip(self, rhs: Self, value: f64, f: impl Fn(f64, f64) -> f64) -> Self {
+    fn chain(self, f: T, df: T) -> Self {
         let mut derivative = self.derivative;
-        for (d, r) in derivative.iter_mut().zip(&rhs.derivative) {
-            *d = f(*d, *r);
+        for d in &mut derivative {
+            *d *= df;
         }
-        Self { value, derivative }
+        Self { value: f, derivative }
     }
 }
 
-impl<const N: usize> Add for Dual<N> {
+/// A number with `$value` and the derivatives `$each` of the two numbers' `$a` and `$b`. No closure: see `linear`.
+macro_rules! combine {
+    ($x:expr, $y:expr, $value:expr, $a:ident, $b:ident, $each:expr) => {{
+        let mut derivative = $x.derivative;
+        for (d, r) in derivative.iter_mut().zip(&$y.derivative) {
+            let ($a, $b) = (*d, *r);
+            *d = $each;
+        }
+        Self { value: $value, derivative }
+    }};
+}
+
+impl<const N: usize, T: Real> Add for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn add(self, rhs: Self) -> Self {
-        self.zip(rhs, self.value + rhs.value, |a, b| a + b)
+        combine!(self, rhs, self.value + rhs.value, a, b, a + b)
     }
 }
 
-impl<const N: usize> Sub for Dual<N> {
+impl<const N: usize, T: Real> Sub for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, rhs: Self) -> Self {
-        self.zip(rhs, self.value - rhs.value, |a, b| a - b)
+        combine!(self, rhs, self.value - rhs.value, a, b, a - b)
     }
 }
 
-impl<const N: usize> Mul for Dual<N> {
+impl<const N: usize, T: Real> Mul for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     #[allow(clippy::suspicious_arithmetic_impl)] // the product rule has a sum
     fn mul(self, rhs: Self) -> Self {
-        self.zip(rhs, self.value * rhs.value, |a, b| a * rhs.value + b * self.value)
+        combine!(self, rhs, self.value * rhs.value, a, b, a.mul_add(rhs.value, b * self.value))
     }
 }
 
-impl<const N: usize> Div for Dual<N> {
+impl<const N: usize, T: Real> Div for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
+    #[allow(clippy::suspicious_arithmetic_impl)] // the quotient rule has a product
     fn div(self, rhs: Self) -> Self {
-        let inverse = 1.0 / rhs.value;
+        let inverse = rhs.value.recip();
         let quotient = self.value * inverse;
-        self.zip(rhs, quotient, |a, b| (a - b * quotient) * inverse)
+        combine!(self, rhs, quotient, a, b, b.neg_mul_add(quotient, a) * inverse)
     }
 }
 
-impl<const N: usize> Neg for Dual<N> {
+impl<const N: usize, T: Real> Neg for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        self.chain(-self.value, -1.0)
+        let mut derivative = self.derivative;
+        for d in &mut derivative {
+            *d = -*d;
+        }
+        Self { value: -self.value, derivative }
     }
 }
 
-impl<const N: usize> Add<f64> for Dual<N> {
+impl<const N: usize, T: Real> Add<f64> for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn add(self, rhs: f64) -> Self {
@@ -90,7 +124,7 @@ impl<const N: usize> Add<f64> for Dual<N> {
     }
 }
 
-impl<const N: usize> Sub<f64> for Dual<N> {
+impl<const N: usize, T: Real> Sub<f64> for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, rhs: f64) -> Self {
@@ -98,44 +132,86 @@ impl<const N: usize> Sub<f64> for Dual<N> {
     }
 }
 
-impl<const N: usize> Mul<f64> for Dual<N> {
+impl<const N: usize, T: Real> Mul<f64> for Dual<N, T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, rhs: f64) -> Self {
-        self.chain(self.value * rhs, rhs)
+        self.chain(self.value * rhs, T::from_f64(rhs))
     }
 }
 
-impl<const N: usize> AddAssign for Dual<N> {
+impl<const N: usize, T: Real> AddAssign for Dual<N, T> {
     #[inline(always)]
     fn add_assign(&mut self, rhs: Self) {
         *self = *self + rhs;
     }
 }
 
-impl<const N: usize> SubAssign for Dual<N> {
+impl<const N: usize, T: Real> SubAssign for Dual<N, T> {
     #[inline(always)]
     fn sub_assign(&mut self, rhs: Self) {
         *self = *self - rhs;
     }
 }
 
-impl<const N: usize> MulAssign for Dual<N> {
+impl<const N: usize, T: Real> MulAssign for Dual<N, T> {
     #[inline(always)]
     fn mul_assign(&mut self, rhs: Self) {
         *self = *self * rhs;
     }
 }
 
-impl<const N: usize> Real for Dual<N> {
+impl<const N: usize, T: Real> Real for Dual<N, T> {
+    const LANES: usize = T::LANES;
+    #[inline(always)]
+    fn lane(self, k: usize) -> f64 {
+        self.value.lane(k)
+    }
+    #[inline(always)]
+    fn from_lanes(lane: impl FnMut(usize) -> f64) -> Self {
+        Self { value: T::from_lanes(lane), derivative: [T::zero(); N] }
+    }
+    #[inline(always)]
+    fn enter<K: Kernel>(kernel: K) -> K::Output {
+        T::enter(kernel)
+    }
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
-        Self { value: x, derivative: [0.0; N] }
+        Self { value: T::from_f64(x), derivative: [T::zero(); N] }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        let mut derivative = b.derivative;
+        for (d, (x, y)) in derivative.iter_mut().zip(self.derivative.iter().zip(&a.derivative)) {
+            *d = x.mul_add(a.value, self.value.mul_add(*y, *d));
+        }
+        Self { value: self.value.mul_add(a.value, b.value), derivative }
+    }
+    #[inline(always)]
+    fn mul_sub(self, a: Self, b: Self) -> Self {
+        let mut derivative = b.derivative;
+        for (d, (x, y)) in derivative.iter_mut().zip(self.derivative.iter().zip(&a.derivative)) {
+            *d = x.mul_add(a.value, self.value.mul_sub(*y, *d));
+        }
+        Self { value: self.value.mul_sub(a.value, b.value), derivative }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        let mut derivative = b.derivative;
+        for (d, (x, y)) in derivative.iter_mut().zip(self.derivative.iter().zip(&a.derivative)) {
+            *d = x.neg_mul_add(a.value, self.value.neg_mul_add(*y, *d));
+        }
+        Self { value: self.value.neg_mul_add(a.value, b.value), derivative }
+    }
+    #[inline(always)]
+    fn recip(self) -> Self {
+        let inverse = self.value.recip();
+        self.chain(inverse, -(inverse * inverse))
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        self.chain(root, 0.5 / root)
+        self.chain(root, T::from_f64(0.5) / root)
     }
     #[inline(always)]
     fn exp(self) -> Self {
@@ -145,15 +221,16 @@ impl<const N: usize> Real for Dual<N> {
     #[inline(always)]
     fn tanh(self) -> Self {
         let t = self.value.tanh();
-        self.chain(t, 1.0 - t * t)
+        self.chain(t, t.neg_mul_add(t, T::one()))
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        if self.value < 0.0 { -self } else { self }
+        Self::select(-self, -self, self)
     }
     #[inline(always)]
     fn select(condition: Self, then: Self, otherwise: Self) -> Self {
-        if condition.value > 0.0 { then } else { otherwise }
+        let (c, value) = (condition.value, T::select(condition.value, then.value, otherwise.value));
+        combine!(then, otherwise, value, a, b, T::select(c, a, b))
     }
     #[inline(always)]
     fn is_finite(self) -> bool {
@@ -161,7 +238,7 @@ impl<const N: usize> Real for Dual<N> {
     }
     #[inline(always)]
     fn largest(self) -> f64 {
-        self.value
+        self.value.largest()
     }
 }
 

@@ -1,15 +1,35 @@
 //! The scalar that the model is written over.
 //!
-//! The equations of motion are written once, generic over [`Real`]: `f64` runs one arm, lanes run several abreast,
-//! dual numbers ([`Dual`]) carry exact derivatives. The hot path has no branch that depends on a value; where a law is
+//! The equations of motion are written once, generic over [`Real`]: `f64` runs one arm, lanes ([`Lanes`]) run several
+//! abreast, dual numbers ([`Dual`]) carry
+//! exact derivatives. The hot path has no branch that depends on a value; where a law is
 //! one-sided, [`Real::select`] chooses between two values that were both computed.
 
 mod dual;
+mod fused;
+pub mod lanes;
 
 pub use dual::Dual;
+pub use fused::Fused;
+pub use lanes::{InstructionSet, Lanes};
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// Work that is compiled once for each scalar it runs on, by [`Real::enter`].
+pub trait Kernel {
+    /// What it returns.
+    type Output;
+    /// Does the work. Implementations are `#[inline(always)]`, as is all they call: what stays out of line is compiled
+    /// without the instruction set.
+    fn run(self) -> Self::Output;
+}
+
+/// A [`Kernel`] for the instruction set that every processor of the target has.
+#[inline(never)]
+fn run<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
 
 /// A real number, several of them abreast, or one with its derivatives.
 pub trait Real:
@@ -30,6 +50,17 @@ pub trait Real:
     + SubAssign
     + MulAssign
 {
+    /// How many numbers are abreast.
+    const LANES: usize = 1;
+    /// The value in lane `k`, derivatives left out.
+    fn lane(self, k: usize) -> f64;
+    /// Lane by lane, from lane 0 on, with no derivative.
+    fn from_lanes(lane: impl FnMut(usize) -> f64) -> Self;
+    /// Runs `kernel` in a function compiled for this scalar's instruction set.
+    #[inline(always)]
+    fn enter<K: Kernel>(kernel: K) -> K::Output {
+        run(kernel)
+    }
     /// The constant `x`: the same in every lane, with no derivative.
     fn from_f64(x: f64) -> Self;
     /// Zero.
@@ -46,6 +77,16 @@ pub trait Real:
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
         self * a + b
+    }
+    /// `self * a - b`, likewise.
+    #[inline(always)]
+    fn mul_sub(self, a: Self, b: Self) -> Self {
+        self * a - b
+    }
+    /// `b - self * a`, likewise.
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        b - self * a
     }
     /// `1 / self`.
     #[inline(always)]
@@ -84,6 +125,14 @@ pub trait Real:
 }
 
 impl Real for f64 {
+    #[inline(always)]
+    fn lane(self, _: usize) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn from_lanes(mut lane: impl FnMut(usize) -> f64) -> Self {
+        lane(0)
+    }
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
         x

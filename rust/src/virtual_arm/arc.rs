@@ -17,27 +17,50 @@ struct Series {
     by_ss: f64,
 }
 
+/// Most terms of a series; the last one is below 1e-18 at s = PSI_MAX^2.
+const TERMS: usize = 26;
+
+/// (-1)^j / (first + 2 j)!
+const fn coefficients(first: u32) -> [f64; TERMS] {
+    let mut out = [0.0; TERMS];
+    let (mut factorial, mut k) = (1.0, 1);
+    while k <= first {
+        factorial *= k as f64;
+        k += 1;
+    }
+    let (mut sign, mut j) = (1.0, 0);
+    while j < TERMS {
+        out[j] = sign / factorial;
+        sign = -sign;
+        factorial *= (k as f64) * (k as f64 + 1.0);
+        k += 2;
+        j += 1;
+    }
+    out
+}
+
+const FIRST_1: [f64; TERMS] = coefficients(1);
+const FIRST_2: [f64; TERMS] = coefficients(2);
+const FIRST_3: [f64; TERMS] = coefficients(3);
+
 impl Series {
-    fn at(s: f64, first: u32) -> Self {
-        let factorial: f64 = (1..=first).map(f64::from).product();
-        let mut coefficient = 1.0 / factorial;
+    fn at(s: f64, coefficients: &[f64; TERMS]) -> Self {
         let (mut value, mut by_s, mut by_ss) = (0.0, 0.0, 0.0);
         // s^j, s^(j-1), s^(j-2).
         let (mut power, mut power_1, mut power_2) = (1.0, 0.0, 0.0);
         let mut j = 0.0;
-        loop {
-            value += coefficient * power;
-            by_s += coefficient * j * power_1;
-            by_ss += coefficient * j * (j - 1.0) * power_2;
-            let scale = coefficient.abs() * (j * j).max(1.0) * power.max(power_1).max(power_2);
-            if j > 2.0 && scale < 1e-18 {
-                return Self { value, by_s, by_ss };
+        for c in coefficients {
+            let last = c * j * (j - 1.0) * power_2;
+            value += c * power;
+            by_s += c * j * power_1;
+            by_ss += last;
+            if j > 2.0 && last.abs() < 1e-18 {
+                break;
             }
             (power_2, power_1, power) = (power_1, power, power * s);
-            let k = f64::from(first) + 2.0 * j;
-            coefficient = -coefficient / ((k + 1.0) * (k + 2.0));
             j += 1.0;
         }
+        Self { value, by_s, by_ss }
     }
 
     /// First and second time derivative for s' and s''.
@@ -74,7 +97,7 @@ impl ArcPoint {
         let [u_t, v_t, l_t] = rate.map(|x| x * fraction);
         let s = u * u + v * v;
         let (s_t, s_tt) = (2.0 * (u * u_t + v * v_t), 2.0 * (u_t * u_t + v_t * v_t));
-        let (a, b, d) = (Series::at(s, 1), Series::at(s, 2), Series::at(s, 3));
+        let (a, b, d) = (Series::at(s, &FIRST_1), Series::at(s, &FIRST_2), Series::at(s, &FIRST_3));
         let ((a_t, a_tt), (b_t, b_tt), (d_t, _)) = (a.rates(s_t, s_tt), b.rates(s_t, s_tt), d.rates(s_t, s_tt));
 
         let w = Vector3::new(-v, u, 0.0);

@@ -49,12 +49,14 @@ impl Equations {
         let w = &frame.angular_velocity;
         let force = mass * (gravity - frame.bias);
         let torque = -(tensor * frame.angular_bias + w.cross(&(tensor * w)));
-        let columns = frame.linear.len();
-        for c in 0..columns {
-            let (momentum, spin) = (mass * frame.linear[c], tensor * frame.angular[c]);
-            self.force[c] += frame.linear[c].dot(&force) + frame.angular[c].dot(&torque);
-            for row in 0..=c {
-                self.inertia[(row, c)] += frame.linear[row].dot(&momentum) + frame.angular[row].dot(&spin);
+        let columns = frame.linear.iter().zip(&frame.angular);
+        for (c, (linear, angular)) in columns.clone().enumerate() {
+            self.force[c] += linear.dot(&force) + angular.dot(&torque);
+            let (momentum, spin) = (mass * linear, tensor * angular);
+            // The upper triangle; the rest follows at the end.
+            let mut column = self.inertia.column_mut(c);
+            for (entry, (linear, angular)) in column.iter_mut().zip(columns.clone().take(c + 1)) {
+                *entry += linear.dot(&momentum) + angular.dot(&spin);
             }
         }
     }

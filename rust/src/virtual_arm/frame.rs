@@ -7,7 +7,6 @@ use super::arc::ArcPoint;
 use nalgebra::{Matrix3, Vector3};
 
 /// A frame and how it moves with the coordinates below it.
-#[derive(Clone)]
 pub struct Frame {
     pub rotation: Matrix3<f64>,
     pub position: Vector3<f64>,
@@ -40,13 +39,19 @@ impl Frame {
     /// The frame fixed to this one with its origin at `offset` (in this frame).
     pub fn shifted(&self, offset: &Vector3<f64>) -> Self {
         let arm = self.rotation * offset;
-        let mut out = self.clone();
-        out.position += arm;
-        out.bias += self.angular_bias.cross(&arm) + self.angular_velocity.cross(&self.angular_velocity.cross(&arm));
-        for (linear, angular) in out.linear.iter_mut().zip(&self.angular) {
-            *linear += angular.cross(&arm);
+        let w = &self.angular_velocity;
+        // Room for the three columns that `along` adds.
+        let mut linear = Vec::with_capacity(self.linear.len() + 3);
+        linear.extend(self.linear.iter().zip(&self.angular).map(|(v, w)| v + w.cross(&arm)));
+        let mut angular = Vec::with_capacity(self.angular.len() + 3);
+        angular.extend_from_slice(&self.angular);
+        Self {
+            position: self.position + arm,
+            bias: self.bias + self.angular_bias.cross(&arm) + w.cross(&w.cross(&arm)),
+            linear,
+            angular,
+            ..*self
         }
-        out
     }
 
     /// The frame at a point of the arc that starts in this one; adds the arc's three coordinates.

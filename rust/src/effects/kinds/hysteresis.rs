@@ -31,7 +31,7 @@ impl<T: Real> Effect<T> for Hysteresis<T> {
     const SUMMARY: &'static str = "rate-independent hysteresis of a bellows (Dahl)";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Bellows];
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("force", "N", 0.0..=1e3, "greatest force F"),
+        Parameter::new("amplitude", "N", 0.0..=1e3, "greatest force F"),
         Parameter::new("yield", "m", 1e-6..=1.0, "length x over which the force builds up"),
     ];
     const SEVERAL: bool = true;

@@ -1,12 +1,18 @@
 //! Many simulations at once: arms (parameter sets), inputs, windows of a log, over threads.
 //!
-//! Every member is computed by itself, so the result does not depend on the number of threads or on the other members. A
-//! member that cannot go on keeps its place: NaN from its failure on and the error as its status.
+//! Members that take the same steps are computed abreast, in the lanes of the processor's widest instruction set; which
+//! ones does not depend on the threads, so the result does not either. Lanes agree with single simulations to rounding.
+//! A member that cannot go on keeps its place: NaN from its failure on and the error as its status.
+
+mod block;
+
+use self::block::{Block, can_share};
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::input::Input;
-use crate::integrate::{Options, Statistics};
+use crate::integrate::{Method, Options, Statistics};
+use crate::real::lanes::{InstructionSet, dispatch};
 use crate::simulate::Simulation;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -36,6 +42,8 @@ pub struct Channels {
     pub velocities: bool,
     /// Origins of the heads.
     pub head_positions: bool,
+    /// Lengths as the sensors read them, where effects act on sensors, in place of the true ones.
+    pub measured: bool,
 }
 
 /// The members' rows, one block of `rows` rows a member, NaN where a member has none.
@@ -68,10 +76,16 @@ pub struct Batch<'a> {
     pub options: Options,
     /// What is kept beside the lengths.
     pub channels: Channels,
+    /// What computes members abreast; single members where this processor lacks it, and for adaptive methods, since there
+    /// every member takes its own steps.
+    pub instruction_set: InstructionSet,
 }
 
 /// How often the caller is asked whether to stop.
 const WATCH: Duration = Duration::from_millis(50);
+
+/// Most blocks that wait for more members.
+const MOST_OPEN: usize = 64;
 
 impl Batch<'_> {
     /// Runs all members over `threads` threads (0: as many as there are cores).
@@ -102,16 +116,17 @@ impl Batch<'_> {
             .build()
             .map_err(|e| Error::Input(format!("threads: {threads}; {e}")))?;
         let (stop, done) = (AtomicBool::new(false), AtomicUsize::new(0));
-        let slots = self.slots(&mut out, block);
+        let blocks = self.blocks(self.slots(&mut out, block), &stop);
         std::thread::scope(|scope| {
             let (finished, report) = channel();
             let (stop, done) = (&stop, &done);
             scope.spawn(move || {
                 pool.install(|| {
-                    slots.into_par_iter().zip(self.members).for_each(|(slot, member)| {
+                    blocks.into_par_iter().with_max_len(1).for_each(|block| {
                         if !stop.load(Ordering::Relaxed) {
-                            self.run_member(member, slot, stop);
-                            done.fetch_add(1, Ordering::Relaxed);
+                            let count = block.members.len();
+                            dispatch(self.instruction_set, block);
+                            done.fetch_add(count, Ordering::Relaxed);
                         }
                     });
                 });
@@ -144,6 +159,32 @@ impl Batch<'_> {
         .collect()
     }
 
+    /// The members in blocks that can be abreast.
+    fn blocks<'b>(&'b self, slots: Vec<Slot<'b>>, stop: &'b AtomicBool) -> Vec<Block<'b, 'b>> {
+        let fixed_step = self.options.method == Method::Rk4;
+        let usable = fixed_step && self.instruction_set.is_available();
+        let width = if usable { self.instruction_set.lanes() } else { 1 };
+        let mut full = Vec::new();
+        let mut open: Vec<Block<'b, 'b>> = Vec::new();
+        for (member, slot) in self.members.iter().zip(slots) {
+            let place = open.iter().position(|b| width > 1 && can_share(self, b.members[0].0, member));
+            let index = place.unwrap_or_else(|| {
+                open.push(Block { batch: self, members: Vec::with_capacity(width), stop });
+                open.len() - 1
+            });
+            open[index].members.push((member, slot));
+            if open[index].members.len() >= width {
+                full.push(open.remove(index));
+            }
+            // Members that nobody joins must not make the search long.
+            if open.len() > MOST_OPEN {
+                full.push(open.remove(0));
+            }
+        }
+        full.append(&mut open);
+        full
+    }
+
     fn run_member(&self, member: &Member<'_>, slot: Slot<'_>, stop: &AtomicBool) {
         let (arm, input) = (self.arms[member.arm].clone(), self.inputs[member.input].clone());
         let halves = member.state.map(|x| x.split_at(x.len() / 2));
@@ -156,8 +197,9 @@ impl Batch<'_> {
             }
         };
         let (rows, result) = simulation.advance(member.times, &mut || stop.load(Ordering::Relaxed));
+        let read = self.channels.measured && !rows.measured_lengths.is_empty();
         for (to, from) in [
-            (slot.lengths, rows.lengths),
+            (slot.lengths, if read { rows.measured_lengths } else { rows.lengths }),
             (slot.velocities, rows.velocities),
             (slot.head_positions, rows.head_positions),
         ] {
@@ -211,6 +253,26 @@ impl Batch<'_> {
             }
         }
         Ok(columns)
+    }
+}
+
+impl Slot<'_> {
+    /// Writes one row: of the state's `n` lengths and `n` rates, and of the heads' coordinates.
+    #[inline(always)]
+    fn write(&mut self, row: usize, n: usize, state: impl Fn(usize) -> f64, head: impl Fn(usize) -> f64) {
+        for (j, to) in self.lengths[row * n..(row + 1) * n].iter_mut().enumerate() {
+            *to = state(j);
+        }
+        if !self.velocities.is_empty() {
+            for (j, to) in self.velocities[row * n..(row + 1) * n].iter_mut().enumerate() {
+                *to = state(n + j);
+            }
+        }
+        if !self.head_positions.is_empty() {
+            for (j, to) in self.head_positions[row * n..(row + 1) * n].iter_mut().enumerate() {
+                *to = head(j);
+            }
+        }
     }
 }
 

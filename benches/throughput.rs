@@ -1,0 +1,93 @@
+//! Forward dynamics per second and core: scalar, fused, lanes of every instruction set, dual numbers; and the processor's
+//! peak for comparison. `cargo bench --bench throughput`.
+
+use bha_core::arm::Arm;
+use bha_core::dynamics::Workspace;
+use bha_core::dynamics::derivatives::{Point, differentiator};
+use bha_core::dynamics::recursion::ForwardDynamics;
+use bha_core::parameters::ArmParameters;
+use bha_core::real::lanes::{AnyLanes, InstructionSet, dispatch};
+use bha_core::real::{Fused, Real};
+use std::collections::HashMap;
+use std::hint::black_box;
+use std::time::Instant;
+
+fn nominal() -> Arm {
+    #[derive(serde::Deserialize)]
+    struct Oracle {
+        arms: HashMap<String, ArmParameters>,
+    }
+    let oracle: Oracle = serde_json::from_str(include_str!("../tests/data/oracle.json")).unwrap();
+    Arm::new(oracle.arms.values().find(|a| a.section.len() == 3).expect("an arm of three sections")).unwrap()
+}
+
+/// Seconds of one call of `f`: the shortest of many short rounds, which other work on the machine disturbs least.
+fn shortest(mut f: impl FnMut()) -> f64 {
+    let mut round = |calls: u32| {
+        let start = Instant::now();
+        for _ in 0..calls {
+            f();
+        }
+        start.elapsed().as_secs_f64() / f64::from(calls)
+    };
+    let once = (0..20).map(|_| round(1)).fold(f64::INFINITY, f64::min);
+    let calls = (2e-4 / once).clamp(1.0, 1e6) as u32;
+    (0..100).map(|_| round(calls)).fold(f64::INFINITY, f64::min)
+}
+
+/// Seconds of one forward dynamics over `T`.
+fn forward_dynamics<T: Real>(arm: &Arm) -> f64 {
+    let lifted = arm.lift::<T>();
+    let n = arm.coordinates();
+    let at = |k: usize| T::from_lanes(|j| 0.2 + 0.01 * (k * 5 % 7) as f64 + 0.001 * j as f64);
+    let x: Vec<T> = (0..2 * n).map(|k| if k < n { at(k) } else { at(k) - 0.22 }).collect();
+    let p: Vec<T> = (0..arm.inputs).map(|k| T::from_f64(1.1e5 + 5e3 * k as f64)).collect();
+    let (mut ws, mut out) = (Workspace::new(&lifted), vec![T::zero(); n]);
+    let (q, qd) = x.split_at(n);
+    shortest(|| {
+        let (arm, q, qd) = (black_box(&lifted), black_box(q), black_box(qd));
+        T::enter(ForwardDynamics { arm, q, qd, p: &p, f_ext: None, ws: &mut ws, qdd: black_box(&mut out) });
+    })
+}
+
+struct Throughput<'a>(&'a Arm);
+
+impl AnyLanes for Throughput<'_> {
+    type Output = f64;
+    /// Seconds per state.
+    fn with<T: Real>(self) -> f64 {
+        forward_dynamics::<T>(self.0) / T::LANES as f64
+    }
+}
+
+/// Seconds of all derivatives by states and inputs.
+fn derivatives(arm: &Arm, set: InstructionSet) -> f64 {
+    let n = arm.coordinates();
+    let q: Vec<f64> = (0..n).map(|k| 0.2 + 0.01 * (k * 5 % 7) as f64).collect();
+    let qd: Vec<f64> = (0..n).map(|k| 0.1 - 0.02 * k as f64).collect();
+    let p = vec![1.2e5; arm.inputs];
+    let mut run = differentiator(arm, &[], set);
+    let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (2 * n + arm.inputs)]);
+    shortest(|| run.run(Point { q: black_box(&q), qd: &qd, p: &p, f_ext: None }, &mut qdd, black_box(&mut out)))
+}
+
+fn main() {
+    let arm = nominal();
+    let scalar = forward_dynamics::<f64>(&arm);
+    println!("scalar      {:8.1} ns per state", scalar * 1e9);
+    if Fused::is_available() {
+        let fused = forward_dynamics::<Fused>(&arm);
+        println!("fused       {:8.1} ns per state, {:.2} times the scalar rate", fused * 1e9, scalar / fused);
+    }
+    for set in InstructionSet::ALL.into_iter().filter(|s| s.is_available()) {
+        let state = dispatch(set, Throughput(&arm));
+        println!(
+            "{:7} x {} {:8.1} ns per state, {:.2} times the scalar rate; {:.1} us for all derivatives",
+            set.name(),
+            set.lanes(),
+            state * 1e9,
+            scalar / state,
+            derivatives(&arm, set) * 1e6
+        );
+    }
+}

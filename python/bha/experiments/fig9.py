@@ -1,0 +1,66 @@
+"""Fig. 9: bending stiffness from poses bent to both sides (section IV-D)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from bha.experiments.figures import bending_figure
+from bha.experiments.laboratory import Laboratory
+from bha.experiments.outcome import Claim, Outcome
+from bha.experiments.procedures import BendingFit, fit_bending
+from bha.experiments.virtual_arm import VirtualArm
+
+
+def run(lab: Laboratory) -> Outcome:
+    """Identify the bending stiffness; measure the last section again without creep."""
+    fits = lab.bending_stiffness
+    last = lab.design.section_count
+    schedule, _ = lab.bending[last - 1]
+    lab.note(f"measuring: bending of section {last}, material without creep")
+    body = dataclasses.replace(lab.real.body, creep=())
+    without = VirtualArm(lab.design, body, lab.real.sensors, seed=lab.real.seed)
+    log = without.measure(schedule, number=20, step=lab.static_step)
+    ideal = fit_bending(lab.sprung, last, log, schedule)
+    scatter, scatter_without = _scatter(fits[last - 1]), _scatter(ideal)
+    linear = min(_explained(fit) for fit in fits)
+    return Outcome(
+        "fig9",
+        "Fig. 9: bending stiffness",
+        "Bellows 2 and 3 of one section work evenly against bellows 1, to both sides (φ = 0 and φ = π). Of the "
+        "steady pressures the springs found before and the weight are taken off; what is left is the bending "
+        "moment, here as the difference of pressure between the two sides that would make it.",
+        [
+            Claim(
+                "linear in the bending angle",
+                f"a line explains at least {100 * linear:.1f} % of the variance",
+                linear > 0.9,
+            ),
+            Claim(
+                "scatter comes from creep of the material",
+                f"section {last}: {1e-2 * scatter:.1f} mbar RMS about the line, {1e-2 * scatter_without:.1f} mbar "
+                "when the same arm does not creep",
+                scatter > 1.5 * scatter_without,
+            ),
+        ],
+        {
+            "fig9": (
+                bending_figure(fits, {last - 1: ideal}),
+                "Relative bending pressure against bending angle; negative angles bend to φ = π. Crosses: the same "
+                "measurement on a virtual arm whose material does not creep.",
+            )
+        },
+        numbers={"explained": linear, "scatter": scatter, "scatter_without_creep": scatter_without},
+    )
+
+
+def _scatter(fit: BendingFit) -> float:
+    """RMS distance from the line, as a pressure, Pa."""
+    left = fit.moments - fit.stiffness * fit.angles - fit.offset
+    return float(np.sqrt(np.mean(left**2)) * fit.pressure_per_moment)
+
+
+def _explained(fit: BendingFit) -> float:
+    left = fit.moments - fit.stiffness * fit.angles - fit.offset
+    return float(1.0 - np.var(left) / np.var(fit.moments))

@@ -1,0 +1,156 @@
+"""The measurements of all experiments and the arm identified from them, each made when it is first asked for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha import robots
+from bha.arm import Arm
+from bha.experiments import procedures, schedules
+from bha.experiments.virtual_arm import Schedule, VirtualArm
+from bha.log import Log
+from bha.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class Laboratory:
+    """One virtual arm, what was measured on it, and the model identified from that by the paper's section IV."""
+
+    def __init__(
+        self,
+        *,
+        seed: int = 2015,
+        hold: float = 2.0,
+        note: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Name the arm's seed and how long a pose is held.
+
+        Args:
+            seed: of the bellows' scatter and the sensors' noise.
+            hold: how long each pose of the static measurements is held, s.
+            note: told what is being measured or identified.
+        """
+        self.design = robots.load("bha_nominal")
+        self.real = VirtualArm(self.design, seed=seed)
+        self.hold = hold
+        self.note = note
+        #: Steps of the virtual arm's integration, s: creeping along in the static measurements, faster in the others.
+        self.static_step, self.dynamic_step = 1e-3, 5e-4
+
+    @cached_property
+    def even_elongation(self) -> tuple[Schedule, Log]:
+        """Fig. 8: staircase of even pressures."""
+        schedule = schedules.even_elongation(self.design, hold=self.hold)
+        return schedule, self._measure("even elongation", schedule, 1, self.static_step)
+
+    @cached_property
+    def bending(self) -> list[tuple[Schedule, Log]]:
+        """Fig. 9: one staircase for each section."""
+        sections = range(1, self.design.section_count + 1)
+
+        def measure(section: int) -> tuple[Schedule, Log]:
+            schedule = schedules.bending(self.design, section, hold=self.hold)
+            return schedule, self._measure(f"bending of section {section}", schedule, 10 + section, self.static_step)
+
+        # The core runs without Python's lock; results do not depend on the number of threads.
+        with ThreadPoolExecutor(os.cpu_count()) as threads:
+            return list(threads.map(measure, sections))
+
+    @cached_property
+    def swing(self) -> tuple[float, Log]:
+        """Fig. 10: time of the release and the log."""
+        schedule = schedules.swing(self.design)
+        return float(schedule.time[1]), self._measure("lateral swing", schedule, 2)
+
+    @cached_property
+    def second_swing(self) -> tuple[float, Log]:
+        """Fig. 14: another swing than the one that the damping was identified from."""
+        schedule = schedules.swing(self.design, force=7.0)
+        return float(schedule.time[1]), self._measure("second lateral swing", schedule, 3)
+
+    @cached_property
+    def tilt(self) -> Log:
+        """Fig. 12."""
+        return self._measure("tilt", schedules.tilt(self.design), 4)
+
+    @cached_property
+    def tilt_of_one_bellows(self) -> Log:
+        """Fig. 13."""
+        return self._measure("tilt of one bellows", schedules.tilt_of_one_bellows(self.design), 5)
+
+    @cached_property
+    def weighed(self) -> Arm:
+        """What is known before any pressure is applied: geometry, masses (weighed to 1 g), inertia by (56)."""
+        unknown = {"inertia": None, "stiffness": [1.0], "damping": 0.0, "bending_stiffness": [0.0]}
+        changes = [unknown | {"mass": round(s.mass, 3)} for s in self.design.parameters.sections]
+        return procedures.with_sections(self.design, changes, "identified")
+
+    @cached_property
+    def stiffness(self) -> list[procedures.StiffnessFit]:
+        """Section IV-C."""
+        schedule, log = self.even_elongation
+        self.note("identifying longitudinal stiffness")
+        return procedures.fit_stiffness(self.weighed, log, schedule)
+
+    @cached_property
+    def sprung(self) -> Arm:
+        """The arm after section IV-C."""
+        changes = [{"rest_length": f.rest_length, "stiffness": list(f.stiffness)} for f in self.stiffness]
+        return procedures.with_sections(self.weighed, changes, "identified")
+
+    @cached_property
+    def bending_stiffness(self) -> list[procedures.BendingFit]:
+        """Section IV-D."""
+        logs = self.bending
+        self.note("identifying bending stiffness")
+        return [procedures.fit_bending(self.sprung, i + 1, log, s) for i, (s, log) in enumerate(logs)]
+
+    @cached_property
+    def undamped(self) -> Arm:
+        """The arm after section IV-D."""
+        changes = [{"bending_stiffness": [f.stiffness]} for f in self.bending_stiffness]
+        return procedures.with_sections(self.sprung, changes, "identified")
+
+    @cached_property
+    def damping(self) -> procedures.DampingFit:
+        """Section IV-E."""
+        release, log = self.swing
+        arm = self.undamped
+        self.note("identifying damping")
+        return procedures.fit_damping(arm, log, release)
+
+    @cached_property
+    def identified(self) -> Arm:
+        """The arm after all of section IV: the full model of the experiments."""
+        return procedures.with_sections(self.undamped, [{"damping": d} for d in self.damping.damping], "identified")
+
+    @cached_property
+    def reduced(self) -> Arm:
+        """The reduced model, (58)-(61): without rotational energy and Coriolis forces."""
+        return self.identified.with_changes(rotational_energy=False, coriolis_forces=False)
+
+    def measured(self, log: Log) -> Trajectory:
+        """A log as a trajectory: heads follow from measured lengths by (14), velocities were not measured."""
+        lengths = log.lengths
+        assert lengths is not None
+        heads = np.array([self.weighed.forward_kinematics(q)[0] for q in lengths])
+        return Trajectory(
+            time=log.time,
+            lengths=lengths,
+            velocities=np.full_like(lengths, np.nan),
+            pressures=log.pressures(self.weighed.inputs),
+            head_positions=heads,
+            input_names=self.weighed.inputs,
+            arm_name="virtual arm",
+        )
+
+    def _measure(self, what: str, schedule: Schedule, number: int, step: float | None = None) -> Log:
+        self.note(f"measuring: {what}")
+        return self.real.measure(schedule, number=number, step=step or self.dynamic_step)

@@ -1,0 +1,111 @@
+"""Figs. 12 and 13: tilting section 1 by pressure, measured against the dynamic and against the static models."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bha.experiments.compare import length_error, static_trajectory, tool_error, tool_travel
+from bha.experiments.laboratory import Laboratory
+from bha.experiments.outcome import Claim, Outcome, Table
+from bha.plot import plot_trajectories
+from bha.simulation import simulate
+
+#: Every how many milliseconds the static models are solved and lines are drawn.
+STRIDE = 5
+
+
+def fig12(lab: Laboratory) -> Outcome:
+    """Full and reduced model against the measurement."""
+    log = lab.tilt
+    measured = lab.measured(log)
+    full = simulate(lab.identified, log)
+    reduced = simulate(lab.reduced, log)
+    conjugate = simulate(lab.identified.with_changes(force_model="work_conjugate"), log)
+    travel = tool_travel(measured)
+    errors = {"full": tool_error(full, measured), "reduced": tool_error(reduced, measured)}
+    apart = tool_error(reduced, full)
+    models = {"full": full, "reduced": reduced, "full, `work_conjugate`": conjugate}
+    table = Table(
+        ["model", "tool, RMS [mm]", "bellows lengths, RMS [mm]"],
+        [
+            [name, f"{1e3 * tool_error(model, measured):.1f}", f"{1e3 * length_error(model, measured):.1f}"]
+            for name, model in models.items()
+        ],
+        f"Distance from the measurement over 10 s; the tool moves by {1e3 * travel:.0f} mm.",
+    )
+    return Outcome(
+        "fig12",
+        "Fig. 12: tilting, full and reduced model",
+        "First the pressure of bellows 1 of section 1 rises, then that of all its bellows; sections 2 and 3 are "
+        "extended to make the inertia larger. The models are driven by the measured pressures and start at rest.",
+        [
+            Claim(
+                "both models are good approximations of the measured trajectories",
+                f"tool within {1e3 * errors['full']:.1f} mm (full) and {1e3 * errors['reduced']:.1f} mm (reduced) "
+                f"RMS of {1e3 * travel:.0f} mm travel",
+                max(errors.values()) < 0.1 * travel,
+            ),
+            Claim(
+                "the approximations lead to very small changes in the simulation",
+                f"full and reduced model are {1e3 * apart:.1f} mm RMS apart",
+                apart < 0.5 * errors["full"],
+            ),
+        ],
+        {
+            "fig12": (
+                plot_trajectories(
+                    {"measured": measured[::STRIDE], "full model": full[::STRIDE], "reduced model": reduced[::STRIDE]}
+                ),
+                "Measured (solid), full model (dotted) and reduced model (dashed).",
+            )
+        },
+        [table],
+        {"travel": travel, "apart": apart, **{f"{name}_error": error for name, error in errors.items()}},
+    )
+
+
+def fig13(lab: Laboratory) -> Outcome:
+    """Static models against the measurement."""
+    log = lab.tilt_of_one_bellows
+    measured = lab.measured(log)[::STRIDE]
+    arm = lab.identified
+    full = simulate(arm, log)[::STRIDE]
+    coupled = static_trajectory(arm, measured, lambda p, start: arm.static_lengths(p, start=start))
+    decoupled = static_trajectory(arm, measured, lambda p, _: arm.static_lengths(p, coupled=False))
+    travel = tool_travel(measured)
+    error, of_coupled, of_decoupled = (tool_error(model, measured) for model in (full, coupled, decoupled))
+    peak = [float(np.linalg.norm(m.head_positions - measured.head_positions, axis=2).max()) for m in (coupled, full)]
+    return Outcome(
+        "fig13",
+        "Fig. 13: tilting, static models",
+        "Section 1 is tilted by its bellows 1, there, back, and slowly there again. The static coupled model solves "
+        "N(q, 0) = τ(q, p) (62) for every measured pressure; the decoupled one balances springs and pressures "
+        "alone, without gravity and bending.",
+        [
+            Claim(
+                "static models cannot describe the motions that well",
+                f"tool {1e3 * of_coupled:.1f} mm (coupled) and {1e3 * of_decoupled:.1f} mm (decoupled) RMS off, the "
+                f"full model {1e3 * error:.1f} mm; travel {1e3 * travel:.0f} mm",
+                of_coupled > 1.5 * error and of_decoupled > 1.5 * error,
+            ),
+            Claim(
+                "the coupled static model has large errors during motions",
+                f"up to {1e3 * peak[0]:.0f} mm, full model up to {1e3 * peak[1]:.0f} mm",
+                peak[0] > 1.5 * peak[1],
+            ),
+        ],
+        {
+            "fig13": (
+                plot_trajectories({"measured": measured, "static coupled": coupled, "static decoupled": decoupled}),
+                "Measured (solid), static coupled (dotted) and static decoupled (dashed).",
+            )
+        },
+        numbers={
+            "travel": travel,
+            "full_error": error,
+            "coupled_error": of_coupled,
+            "decoupled_error": of_decoupled,
+            "coupled_peak": peak[0],
+            "full_peak": peak[1],
+        },
+    )

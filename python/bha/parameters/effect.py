@@ -1,0 +1,234 @@
+"""Effects that the paper's model leaves out: the ``[[effect]]`` tables of a parameter file.
+
+The kinds, their places and their numbers come from the registry of the compiled core (``rust/src/effects``), so that a
+kind added there is known here. A table says the kind, where it acts, and its numbers by name::
+
+    [[effect]]
+    kind = "creep"
+    where = "section 2"
+    stiffness = 120.0
+    tau = 1.5
+
+    [effect.provenance]
+    tau = { status = "identified", ci95 = [1.3, 1.7] }
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+from pydantic import ConfigDict, model_validator
+
+from bha import _core
+from bha.parameters.base import Table, key, nearest, table_error
+from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key, provenance_mapping
+
+_PLACES = {
+    "all": '"all"',
+    "section": '"section N", as in "section 2"',
+    "bellows": '"bellows IK" (section I, bellows K), as in "bellows 32" ("bellows 10_2" where one has two digits)',
+    "input": '"input NAME", as in "input p13"',
+    "sensors": '"sensors"',
+}
+_PLACE = re.compile(
+    r"(?P<all>all)|(?P<sensors>sensors)|section (?P<section>[1-9]\d*)|input (?P<input>p\d+(?:_\d+)?)"
+    r"|bellows (?:(?P<i>[1-9])(?P<k>[1-9])|(?P<ii>[1-9]\d*)_(?P<kk>[1-9]\d*))"
+)
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A number of a kind of effect.
+
+    Attributes:
+        name: its key in the file.
+        unit: its unit, empty for a plain number.
+        low: least value allowed.
+        high: greatest value allowed.
+        default: value where it is left out; None where it must be given.
+        meaning: what it is.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float | None
+    meaning: str
+
+
+@dataclass(frozen=True)
+class EffectKind:
+    """A kind of effect, as the core's registry knows it.
+
+    Attributes:
+        kind: its name.
+        summary: one line that says what it is.
+        places: where it may act: "all", "section", "bellows", "input", "sensors".
+        parameters: its numbers; none for a formula, whose table names its own.
+        several: whether several of this kind in one place make sense.
+        needs_poses: whether it is observable only where poses of heads are measured.
+        changes_arm: whether it acts once, by changing the arm's parameters, and then costs nothing.
+    """
+
+    kind: str
+    summary: str
+    places: tuple[str, ...]
+    parameters: tuple[EffectParameter, ...]
+    several: bool
+    needs_poses: bool
+    changes_arm: bool
+
+
+def _kinds() -> dict[str, EffectKind]:
+    kinds = {}
+    for info in _core.effect_kinds():
+        numbers = tuple(EffectParameter(**parameter) for parameter in info["parameters"])
+        kinds[info["kind"]] = EffectKind(
+            info["kind"],
+            info["summary"],
+            tuple(info["places"]),
+            numbers,
+            info["several"],
+            info["needs_poses"],
+            info["changes_arm"],
+        )
+    return kinds
+
+
+#: All kinds of effects by name.
+EFFECT_KINDS: dict[str, EffectKind] = _kinds()
+
+
+class EffectParameters(Table):
+    """An ``[[effect]]`` table. Its numbers are keys of the table; :attr:`parameters` has them in one place."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    kind: str = key("a kind of effect", strict=True)
+    where: str = key("a place: " + ", ".join(_PLACES.values()), strict=True)
+    force: str | None = key('the formula of kind "formula"', default=None, strict=True)
+    provenance: ProvenanceTable = provenance_key()
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.kind not in EFFECT_KINDS:
+            raise table_error(f'found "{self.kind}"{nearest(self.kind, list(EFFECT_KINDS))}', "kind")
+        self._check_place()
+        self._check_numbers()
+        if (self.force is not None) != (self.kind == "formula"):
+            if self.force is None:
+                raise table_error('missing; allowed: a formula such as "-c * tanh(qd / v0)" (N)', "force")
+            raise table_error(f'only kind "formula" has a force; this is "{self.kind}"', "force")
+        if self.force is not None and (fault := _core.formula_fault(self.force, list(self.stated_numbers))):
+            raise table_error(f'found "{self.force}": {fault}', "force")
+        check_provenance(self.provenance, dict(self.stated_numbers))
+        return self
+
+    def _check_place(self) -> None:
+        found = _PLACE.fullmatch(self.where)
+        if found is None or self._place_kind() not in self.info.places:
+            allowed = " or ".join(_PLACES[place] for place in self.info.places)
+            raise table_error(f'found "{self.where}"; allowed for {self.kind}: {allowed}', "where")
+
+    def _check_numbers(self) -> None:
+        known = {parameter.name: parameter for parameter in self.info.parameters}
+        for name, value in self.stated_numbers.items():
+            if self.kind != "formula" and name not in known:
+                raise table_error("unknown key" + nearest(name, ["kind", "where", "provenance", *known]), name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise table_error(f"found {value!r}; allowed: a finite number", name)
+            if name in known and not known[name].low <= value <= known[name].high:
+                raise table_error(f"found {value!r}; allowed: {_allowed(known[name])}", name)
+        for name, parameter in known.items():
+            if parameter.default is None and name not in self.stated_numbers:
+                raise table_error(f"missing; allowed: {_allowed(parameter)}", name)
+
+    def _place_kind(self) -> str:
+        return self.where.partition(" ")[0]
+
+    @property
+    def info(self) -> EffectKind:
+        """What the registry knows of the kind."""
+        return EFFECT_KINDS[self.kind]
+
+    @property
+    def stated_numbers(self) -> dict[str, Any]:
+        """The numbers that the table states."""
+        return dict(self.__pydantic_extra__ or {})
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        """All numbers by name, defaults filled in, in the order of the registry."""
+        stated = self.stated_numbers
+        if self.kind == "formula":
+            return {name: float(value) for name, value in stated.items()}
+        defaults = {parameter.name: parameter.default for parameter in self.info.parameters}
+        return {name: float(stated.get(name, default)) for name, default in defaults.items()}
+
+    @property
+    def section_and_bellows(self) -> tuple[int | None, int | None]:
+        """Numbers of the section and of the bellows that it is confined to, from 1; None where it is not."""
+        found = _PLACE.fullmatch(self.where)
+        assert found is not None
+        section = found["section"] or found["i"] or found["ii"]
+        bellows = found["k"] or found["kk"]
+        return (int(section) if section else None, int(bellows) if bellows else None)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The table as it stands in a file."""
+        mapping: dict[str, Any] = {"kind": self.kind, "where": self.where}
+        if self.force is not None:
+            mapping["force"] = self.force
+        mapping |= self.stated_numbers
+        if self.provenance:
+            mapping["provenance"] = provenance_mapping(self.provenance)
+        return mapping
+
+    def to_core(self) -> dict[str, Any]:
+        """What the core computes with."""
+        return {"kind": self.kind, "where": self.where, "parameters": self.parameters, "force": self.force}
+
+
+def _allowed(parameter: EffectParameter) -> str:
+    unit = f" ({parameter.unit})" if parameter.unit else ""
+    return f"a number from {parameter.low:g} to {parameter.high:g}{unit}: {parameter.meaning}"
+
+
+def check_effects(effects: Sequence[EffectParameters], bellows: Sequence[int], inputs: Sequence[str]) -> None:
+    """Check that the places of ``effects`` exist on an arm and that none is given twice.
+
+    Args:
+        effects: the effects of the arm.
+        bellows: number of bellows of each section.
+        inputs: names of the arm's inputs.
+
+    Raises:
+        PydanticCustomError: with what is wrong; pydantic adds where.
+    """
+    for number, effect in enumerate(effects):
+        section, place = effect.section_and_bellows
+        if section is not None and section > len(bellows):
+            message = f'found "{effect.where}"; allowed: sections 1 to {len(bellows)}'
+            raise table_error(message, f"effect.{number}.where")
+        # A section has three length sensors, whatever the number of its bellows.
+        if section is not None and place is not None and place > max(bellows[section - 1], 3):
+            message = f'found "{effect.where}"; allowed: bellows 1 to {bellows[section - 1]} of section {section}'
+            raise table_error(message, f"effect.{number}.where")
+        name = effect.where.removeprefix("input ")
+        if effect.where.startswith("input ") and name not in inputs:
+            message = f'found "{effect.where}"{nearest(name, inputs)}'
+            raise table_error(message, f"effect.{number}.where")
+        for earlier, other in enumerate(effects[:number]):
+            same = (effect.kind, effect.where) == (other.kind, other.where)
+            equal = (effect.parameters, effect.force) == (other.parameters, other.force)
+            if same and (equal or not effect.info.several):
+                message = f'"{effect.kind}" at "{effect.where}" is already effect {earlier + 1}; allowed: ' + (
+                    "several with different numbers" if effect.info.several else "one"
+                )
+                raise table_error(message, f"effect.{number}.kind")

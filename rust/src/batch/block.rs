@@ -1,0 +1,293 @@
+//! Members of a batch abreast: those that take the same steps, in the lanes of one instruction set.
+//!
+//! A lane that diverges is parked: its member's rows end, and it is put back to where it started after every step, so that
+//! it costs nothing and can disturb nobody.
+
+use super::{Batch, Member, Slot};
+use crate::abreast::{abreast, same_structure};
+use crate::arm::Arm;
+use crate::effects::{Entry, poses};
+use crate::error::Error;
+use crate::integrate::{Integrator, NOT_FINITE, System};
+use crate::kinematics::chain::{Link, Motion, pass};
+use crate::linear::Vec3;
+use crate::plant::Plant;
+use crate::real::lanes::AnyLanes;
+use crate::real::{Kernel, Real};
+use crate::simulate::initial_state;
+use std::marker::PhantomData;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether two members take the same steps and can so be abreast: the same output times after their start, and jumps of
+/// the input, where there are any, at the same times.
+pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bool {
+    let same_clock = a.start == b.start && a.input == b.input;
+    let same_times = a.times.len() == b.times.len()
+        && a.times.iter().zip(b.times).all(|(s, t)| {
+            let (s, t) = (s - a.start, t - b.start);
+            (s - t).abs() <= 1e-12 * (s.abs() + a.start.abs() + b.start.abs())
+        });
+    let free = |m: &Member<'_>| {
+        let timeless = batch.arms[m.arm].effects.list.iter().all(|e| e.definition.program.is_none());
+        timeless && !batch.inputs[m.input].has_jumps() && !shapes_pressures(&batch.arms[m.arm])
+    };
+    let delayed = |m: &Member<'_>| {
+        let (effects, inputs) = (&batch.arms[m.arm].effects.list, batch.arms[m.arm].inputs);
+        effects.iter().any(|e| (0..inputs).any(|j| e.kind.input_delay(j).is_some()))
+    };
+    let same_forces = batch.inputs[a.input].force_count() == batch.inputs[b.input].force_count();
+    same_times
+        && (same_clock || same_forces && free(a) && free(b))
+        && (a.arm == b.arm || !delayed(a) && same_structure(&batch.arms[a.arm], &batch.arms[b.arm]))
+}
+
+/// Whether effects act on the pressures of an arm: they follow one input on its own clock.
+fn shapes_pressures(arm: &Arm) -> bool {
+    let delayed = |e: &Entry<f64>| (0..arm.inputs).any(|j| e.kind.input_delay(j).is_some());
+    arm.effects.list.iter().any(|e| e.kind.shapes_pressures() || delayed(e))
+}
+
+/// Some members, with where their results go.
+pub(super) struct Block<'a, 'b> {
+    pub batch: &'a Batch<'a>,
+    pub members: Vec<(&'a Member<'a>, Slot<'b>)>,
+    pub stop: &'a AtomicBool,
+}
+
+impl AnyLanes for Block<'_, '_> {
+    type Output = ();
+
+    fn with<T: Real>(self) {
+        let Self { batch, members, stop } = self;
+        // Whoever cannot start, or starts where no simulation may be, says so alone.
+        let (mut ready, mut states) = (Vec::new(), Vec::new());
+        for (member, slot) in members {
+            let (arm, input) = (&batch.arms[member.arm], &batch.inputs[member.input]);
+            let state = match member.state {
+                Some(x) => Ok(x.to_vec()),
+                None => initial_state(arm, input, member.start, None, None),
+            };
+            match state {
+                Ok(x) if T::LANES > 1 && Plant::new(arm.clone(), input.clone()).objection(&x).is_none() => {
+                    ready.push((member, slot));
+                    states.push(x);
+                }
+                _ => batch.run_member(member, slot, stop),
+            }
+        }
+        for (members, states) in in_lanes(ready, T::LANES).zip(states.chunks(T::LANES)) {
+            if members.len() == 1 {
+                members.into_iter().for_each(|(member, slot)| batch.run_member(member, slot, stop));
+            } else {
+                run_abreast(PhantomData::<T>, batch, members, states, stop);
+            }
+        }
+    }
+}
+
+/// `items` in chunks of at most `lanes`.
+fn in_lanes<I>(items: Vec<I>, lanes: usize) -> impl Iterator<Item = Vec<I>> {
+    let mut items = items.into_iter();
+    std::iter::from_fn(move || {
+        let chunk: Vec<I> = items.by_ref().take(lanes).collect();
+        (!chunk.is_empty()).then_some(chunk)
+    })
+}
+
+/// Runs at most `T::LANES` members, lane by lane from lane 0 on; lanes that are left repeat the last one.
+fn run_abreast<'m, T: Real>(
+    _lanes: PhantomData<T>,
+    batch: &Batch<'_>,
+    mut members: Vec<(&'m Member<'m>, Slot<'_>)>,
+    states: &[Vec<f64>],
+    stop: &AtomicBool,
+) {
+    let used = members.len();
+    let first = members[0].0;
+    let shared = members.iter().all(|(m, _)| m.start == first.start && m.input == first.input);
+    let arms: Vec<&Arm> = members.iter().map(|(m, _)| &*batch.arms[m.arm]).collect();
+    let arm = Arc::new(if arms.iter().all(|a| std::ptr::eq(*a, arms[0])) { arms[0].lift() } else { abreast(&arms) });
+    let x0: Vec<T> = (0..states[0].len()).map(|j| T::from_lanes(|k| states[k.min(used - 1)][j])).collect();
+    // On the first member's clock where all share it, else on one that starts at 0.
+    let drive = |k: usize| {
+        let member = members[k.min(used - 1)].0;
+        (batch.inputs[member.input].clone(), if shared { 0.0 } else { member.start })
+    };
+    let inputs = (0..if shared { 1 } else { T::LANES }).map(drive).collect();
+    let start = if shared { first.start } else { 0.0 };
+    let times: Vec<f64> = first.times.iter().map(|t| t - first.start + start).collect();
+    let system = Parking {
+        plant: Plant::abreast(arm.clone(), inputs),
+        parked: x0.clone(),
+        failures: vec![None; used],
+        clocks: members.iter().map(|(m, _)| m.start - start).collect(),
+        any: false,
+    };
+    let run = Run {
+        integrator: Integrator::new(batch.options, start, &x0),
+        links: vec![Link::base(); arm.sections.len()],
+        arm: &arm,
+        system,
+        times: &times,
+        members: &mut members,
+        measured: batch.channels.measured,
+        stop,
+    };
+    T::enter(run);
+}
+
+/// A block's run as a kernel.
+struct Run<'a, 'm, 's, T> {
+    integrator: Integrator<T>,
+    system: Parking<T>,
+    arm: &'a Arm<T>,
+    links: Vec<Link<T>>,
+    times: &'a [f64],
+    members: &'a mut [(&'m Member<'m>, Slot<'s>)],
+    /// Whether lengths are to be those that the sensors read.
+    measured: bool,
+    stop: &'a AtomicBool,
+}
+
+impl<T: Real> Kernel for Run<'_, '_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { mut integrator, mut system, arm, mut links, times, members, measured, stop } = self;
+        let n = arm.coordinates();
+        let mut positions = vec![Vec3::zero(); arm.sections.len()];
+        let heads = members.iter().any(|(_, slot)| !slot.head_positions.is_empty());
+        // Readings of the length sensors, where they are wanted and modelled.
+        if measured {
+            system.plant.begin(integrator.time(), integrator.state());
+        }
+        let measured = measured && system.plant.has_sensors();
+        let mut read = vec![T::zero(); n];
+        let mut result = Ok(());
+        for (row, time) in times.iter().enumerate() {
+            let mut sink = |_: f64, x: &[T]| {
+                if heads {
+                    pass(arm, &x[..n], &[], Motion::Pose, &mut links);
+                    if poses::acts(arm) {
+                        let mut all = positions.iter_mut();
+                        poses::heads(arm, &links, |head| *all.next().expect("one a section") = head.position);
+                    } else {
+                        for (position, link) in positions.iter_mut().zip(&links) {
+                            *position = link.position;
+                        }
+                    }
+                }
+                for (k, (_, slot)) in members.iter_mut().enumerate() {
+                    slot.write(row, n, |j| x[j].lane(k), |j| positions[j / 3].0[j % 3].lane(k));
+                }
+            };
+            result = integrator
+                .run(&mut system, std::slice::from_ref(time), &mut sink, &mut || stop.load(Ordering::Relaxed));
+            if measured && result.is_ok() {
+                system.plant.measured_lengths_into(*time, integrator.state(), &mut read);
+                let x = integrator.state();
+                for (k, (_, slot)) in members.iter_mut().enumerate() {
+                    let value = |j: usize| if j < n { read[j].lane(k) } else { x[j].lane(k) };
+                    slot.write(row, n, value, |j| positions[j / 3].0[j % 3].lane(k));
+                }
+            }
+            // Rows written for a lane that had failed before this row are taken back.
+            for ((_, slot), failure) in members.iter_mut().zip(&system.failures) {
+                if failure.is_some() && result.is_ok() {
+                    slot.write(row, n, |_| f64::NAN, |_| f64::NAN);
+                }
+            }
+            if result.is_err() {
+                break;
+            }
+        }
+        let statistics = integrator.statistics();
+        for (k, (_, slot)) in members.iter_mut().enumerate() {
+            let common = result.as_ref().err().map(|e| on_clock(e.clone(), system.clocks[k]));
+            *slot.failure = system.failures[k].take().or(common);
+            *slot.statistics = statistics;
+        }
+    }
+}
+
+/// The error with its time on a member's clock.
+fn on_clock(error: Error, clock: f64) -> Error {
+    match error {
+        Error::Simulation { time, reason } => Error::Simulation { time: time + clock, reason },
+        other => other,
+    }
+}
+
+/// A plant whose diverged lanes are parked.
+struct Parking<T> {
+    plant: Plant<T>,
+    /// Where lanes are put that have diverged.
+    parked: Vec<T>,
+    /// Why each lane has, if so.
+    failures: Vec<Option<Error>>,
+    /// What to add to the plant's clock for each lane's own.
+    clocks: Vec<f64>,
+    any: bool,
+}
+
+impl<T: Real> Parking<T> {
+    #[inline(always)]
+    fn park(&self, x: &mut [T]) {
+        for (x, parked) in x.iter_mut().zip(&self.parked) {
+            *x = T::from_lanes(|k| {
+                // Lanes beyond the last member repeat it.
+                let failed = self.failures[k.min(self.failures.len() - 1)].is_some();
+                if failed { parked.lane(k) } else { x.lane(k) }
+            });
+        }
+    }
+
+    /// Finds the lanes that cannot go on.
+    #[cold]
+    #[inline(never)]
+    fn find(&mut self, t0: f64, x: &[T]) {
+        for k in 0..self.failures.len() {
+            if self.failures[k].is_some() {
+                continue;
+            }
+            let alone = |j: usize| if j == k { x } else { self.parked.as_slice() };
+            let only: Vec<T> = (0..x.len()).map(|i| T::from_lanes(|j| alone(j)[i].lane(j))).collect();
+            let finite = (0..x.len()).all(|i| x[i].lane(k).is_finite());
+            let reason = if finite { self.plant.objection(&only) } else { Some(NOT_FINITE.to_owned()) };
+            self.failures[k] = reason.map(|reason| Error::Simulation { time: t0 + self.clocks[k], reason });
+        }
+        self.any = true;
+    }
+}
+
+impl<T: Real> System<T> for Parking<T> {
+    #[inline(always)]
+    fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        self.plant.begin_step(t0, t1, x0);
+    }
+    #[inline(always)]
+    fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
+        self.plant.derivative(t, x, dx);
+    }
+    #[inline(always)]
+    fn end_step(&mut self, t1: f64, x1: &[T]) {
+        self.plant.end_step(t1, x1);
+    }
+    fn next_break(&mut self, t: f64) -> f64 {
+        self.plant.next_break(t)
+    }
+    #[inline(always)]
+    fn inspect(&mut self, t0: f64, x1: &mut [T]) -> Option<String> {
+        if self.any {
+            self.park(x1);
+        }
+        if x1.iter().all(|x| x.is_finite()) && self.plant.objection(x1).is_none() {
+            return None;
+        }
+        self.find(t0, x1);
+        self.park(x1);
+        self.failures.iter().all(Option::is_some).then(|| "no lane can go on".to_owned())
+    }
+}

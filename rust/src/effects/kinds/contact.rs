@@ -1,0 +1,73 @@
+//! A one-sided wall against a head.
+//!
+//! Source: Kelvin-Voigt contact, force never pulling, with a rounded onset (penetration by a hyperbola) so that the step
+//! control of the arm does not stumble over it.
+//! Form: depth d = n.(wall - r), n the wall's unit normal out of it, r the head's origin, base frame; rounded depth
+//! D = (d + sqrt(d^2 + e^2)) / 2 with D' = dD/dd in 0 ... 1; force n max(k D + c D' d', 0). Sign: pushes along n.
+//! Validity: passive; a plane without friction against one point; acts below |d| of a few e from outside.
+
+use crate::arm::Arm;
+use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
+use crate::forces::Wrench;
+use crate::linear::Vec3;
+use crate::real::Real;
+use std::ops::Range;
+
+/// A wall.
+#[derive(Clone, Debug)]
+pub struct Contact<T> {
+    stiffness: T,
+    damping: T,
+    wall: Vec3<T>,
+    normal: Vec3<T>,
+    rounding: T,
+    sections: Range<usize>,
+}
+
+impl<T: Real> Effect<T> for Contact<T> {
+    const SUMMARY: &'static str = "one-sided wall against a head";
+    const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section];
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("stiffness", "N/m", 0.0..=1e6, "stiffness k of the wall"),
+        Parameter::new("damping", "N s/m", 0.0..=1e4, "damping c while in contact").or(0.0),
+        Parameter::new("wall_x", "m", -10.0..=10.0, "a point of the wall, base frame").or(0.0),
+        Parameter::new("wall_y", "m", -10.0..=10.0, "a point of the wall, base frame").or(0.0),
+        Parameter::new("wall_z", "m", -10.0..=10.0, "a point of the wall, base frame").or(0.0),
+        Parameter::new("normal_x", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
+        Parameter::new("normal_y", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
+        Parameter::new("normal_z", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
+        Parameter::new("rounding", "m", 1e-6..=0.1, "length e over which the onset is rounded").or(1e-3),
+    ];
+    const SEVERAL: bool = true;
+
+    fn new(definition: &Definition, values: &[T]) -> Self {
+        let direction = Vec3([values[5], values[6], values[7]]);
+        Self {
+            stiffness: values[0],
+            damping: values[1],
+            wall: Vec3([values[2], values[3], values[4]]),
+            normal: direction * direction.dot(direction).sqrt().recip(),
+            rounding: values[8],
+            sections: definition.target.sections.clone(),
+        }
+    }
+
+    fn objection(values: &[f64], _definition: &Definition, _arm: &Arm<f64>) -> Option<String> {
+        let length = values[5..8].iter().map(|x| x * x).sum::<f64>().sqrt();
+        (length < 1e-6).then(|| "normal_x, normal_y, normal_z must not all be zero".to_owned())
+    }
+
+    #[inline(always)]
+    fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
+        for i in self.sections.clone() {
+            let link = &now.links[i];
+            let depth = self.normal.dot(self.wall - link.position);
+            let rate = -self.normal.dot(link.velocity);
+            let root = (depth * depth + self.rounding * self.rounding).sqrt();
+            let rounded = (depth + root) * 0.5;
+            let push = self.stiffness * rounded + self.damping * rate * (rounded / root);
+            let force = self.normal * push.max(T::zero());
+            now.loads[i].on_head.add(Wrench::at(link.position, force));
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Dead time of inputs or of length sensors.
+//!
+//! Form: p(t - time) acts; or, of sensors, q(t - time) is measured. Places: `all` and `input p13` delay inputs; `sensors`,
+//! `section 2` and `bellows 32` delay length sensors. A run without feedback cannot tell a delay common to all inputs from
+//! one common to all sensors.
+//! Limits: before the first sample the first one holds; a held (not interpolated) input has no derivative by the delay, so
+//! dual numbers see none there.
+
+use crate::effects::{Definition, Effect, Parameter, Place, PlaceKind};
+use crate::real::Real;
+use std::ops::Range;
+
+/// Dead time.
+#[derive(Clone, Debug)]
+pub struct Delay<T> {
+    time: T,
+    inputs: Range<usize>,
+    lengths: Range<usize>,
+}
+
+impl<T: Real> Effect<T> for Delay<T> {
+    const SUMMARY: &'static str = "dead time of inputs, or of length sensors";
+    const PLACES: &'static [PlaceKind] =
+        &[PlaceKind::All, PlaceKind::Input, PlaceKind::Sensors, PlaceKind::Section, PlaceKind::Bellows];
+    const PARAMETERS: &'static [Parameter] = &[Parameter::new("time", "s", 0.0..=10.0, "dead time")];
+
+    fn new(definition: &Definition, values: &[T]) -> Self {
+        let lengths = if definition.place == Place::All { 0..0 } else { definition.target.lengths.clone() };
+        let inputs = if definition.place == Place::Sensors { 0..0 } else { definition.target.inputs.clone() };
+        Self { time: values[0], inputs, lengths }
+    }
+
+    fn input_delay(&self, input: usize) -> Option<T> {
+        self.inputs.contains(&input).then_some(self.time)
+    }
+
+    fn sensor_delay(&self, coordinate: usize) -> Option<T> {
+        self.lengths.contains(&coordinate).then_some(self.time)
+    }
+}

@@ -1,0 +1,73 @@
+//! Chamber pressure behind the logged (or commanded) one, filling and venting with their own time constants.
+//!
+//! Source: first order with the chamber's resistance and capacity, as reduced models of pneumatic lines have it; paper section
+//! IV takes its pneumatic model from elsewhere.
+//! Form: p' = (u - p) / tau, tau = fill where u > p, else vent. Hidden: p; at first the pressure that comes in.
+//! Update: exact along a straight piece of u, its change from filling to venting (or back) included. Two lags in series are two effects in
+//! different places, `all` and `input p13`.
+
+use crate::effects::exponential::phi;
+use crate::effects::{Definition, Effect, Parameter, PlaceKind};
+use crate::real::Real;
+use std::ops::Range;
+
+/// First-order lag.
+#[derive(Clone, Debug)]
+pub struct PressureLag<T> {
+    fill: T,
+    vent: T,
+    inputs: Range<usize>,
+}
+
+/// u - p after `h` seconds of a lag `tau`, from `e`, with u rising at `slope`.
+#[inline(always)]
+fn decay<T: Real>(e: T, slope: T, tau: T, h: T) -> T {
+    let [f0, f1, _, _] = phi(h / tau);
+    e * f0 + slope * h * f1
+}
+
+impl<T: Real> PressureLag<T> {
+    /// p after the input has gone from `from` to `to` in a straight line.
+    #[inline(always)]
+    fn follow(&self, elapsed: f64, from: T, to: T, p: T) -> T {
+        let h = T::from_f64(elapsed);
+        let (e, slope) = (from - p, (to - from) * (1.0 / elapsed));
+        // Where u and p meet within the piece, they do so after tau ln(1 + y), y = -e / (slope tau): before that the one
+        // time constant holds, after it the other. The logarithm's Pade form (2, 1) is good to 1e-4 for y < 0.5, and where it is not,
+        // u - p is near zero and tau matters little.
+        let rising = T::select(e, T::one(), T::select(-e, T::zero(), T::select(slope, T::one(), T::zero())));
+        let before = T::select(rising, self.fill, self.vent);
+        let after = T::select(rising, self.vent, self.fill);
+        let apart = -(e * slope);
+        let y = T::select(apart, -e / (T::select(apart, slope, T::one()) * before), T::from_f64(1e9));
+        let meeting = before * (y * (y + 6.0) / (y * 4.0 + 6.0));
+        let meets = h - meeting;
+        let whole = decay(e, slope, before, h);
+        let rest = decay(T::zero(), slope, after, meets.max(T::zero()));
+        to - T::select(meets, rest, whole)
+    }
+}
+
+impl<T: Real> Effect<T> for PressureLag<T> {
+    const SUMMARY: &'static str = "acting pressure lags behind, with time constants for filling and venting";
+    const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Input];
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("fill", "s", 1e-4..=100.0, "time constant while the pressure rises"),
+        Parameter::new("vent", "s", 1e-4..=100.0, "time constant while it falls"),
+    ];
+
+    fn new(definition: &Definition, values: &[T]) -> Self {
+        Self { fill: values[0], vent: values[1], inputs: definition.target.inputs.clone() }
+    }
+
+    fn shapes_pressures(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn pressures(&self, elapsed: f64, from: &[T], last: &[T], p: &mut [T]) {
+        for j in self.inputs.clone() {
+            p[j] = if elapsed > 0.0 { self.follow(elapsed, from[j], p[j], last[j]) } else { last[j] };
+        }
+    }
+}

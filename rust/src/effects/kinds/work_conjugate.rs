@@ -1,0 +1,31 @@
+//! The other force model: bellows forces as `work_conjugate` where the file says `end_force`, and the reverse.
+//!
+//! Source: `docs/model.md`, force models; paper (27)-(32) for `end_force`. Acts by changing the arm.
+
+use crate::arm::Arm;
+use crate::effects::{Definition, Effect, Parameter, PlaceKind};
+use crate::parameters::ForceModel;
+use crate::real::Real;
+use std::marker::PhantomData;
+
+/// The other force model.
+#[derive(Clone, Debug)]
+pub struct WorkConjugate<T>(PhantomData<T>);
+
+impl<T: Real> Effect<T> for WorkConjugate<T> {
+    const SUMMARY: &'static str = "the force model is the other one";
+    const PLACES: &'static [PlaceKind] = &[PlaceKind::All];
+    const PARAMETERS: &'static [Parameter] = &[];
+    const CHANGES_ARM: bool = true;
+
+    fn new(_definition: &Definition, _values: &[T]) -> Self {
+        Self(PhantomData)
+    }
+
+    fn change_arm(&self, arm: &mut Arm<T>) {
+        arm.force_model = match arm.force_model {
+            ForceModel::EndForce => ForceModel::WorkConjugate,
+            ForceModel::WorkConjugate => ForceModel::EndForce,
+        };
+    }
+}

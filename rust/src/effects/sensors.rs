@@ -1,0 +1,92 @@
+//! The chain between true and measured lengths: delay first, then gains and offsets in the order of the file.
+
+use crate::arm::Arm;
+use crate::real::Real;
+use std::collections::VecDeque;
+
+/// What delayed sensors need to remember: the states at the ends of steps, as far back as the longest delay.
+#[derive(Clone, Debug)]
+pub struct Sensors<T> {
+    /// Delay of each length sensor, where there is one.
+    delays: Vec<Option<T>>,
+    longest: f64,
+    /// Times, oldest first, and lengths and rates there, row by row.
+    times: VecDeque<f64>,
+    states: VecDeque<Vec<T>>,
+}
+
+impl<T: Real> Sensors<T> {
+    /// The sensors of `arm`, which rests at `x` until `start`; none where no effect acts on measured lengths.
+    pub fn new(arm: &Arm<T>, start: f64, x: &[T]) -> Option<Self> {
+        let list = &arm.effects.list;
+        let delays: Vec<Option<T>> = (0..arm.coordinates())
+            .map(|j| {
+                list.iter()
+                    .filter_map(|e| e.kind.sensor_delay(j))
+                    .fold(None, |sum: Option<T>, d| Some(sum.map_or(d, |s| s + d)))
+            })
+            .collect();
+        let longest = delays.iter().flatten().fold(0.0, |m: f64, d| m.max(d.largest()));
+        if delays.iter().all(Option::is_none) && !list.iter().any(|e| e.kind.shapes_lengths()) {
+            return None;
+        }
+        let (times, states) = (VecDeque::from([start]), VecDeque::from([x.to_vec()]));
+        Some(Self { delays, longest, times, states })
+    }
+
+    /// A step ended at (`t`, `x`).
+    pub fn end_step(&mut self, t: f64, x: &[T]) {
+        if self.longest == 0.0 {
+            return;
+        }
+        // One state older than the longest delay stays, to interpolate from; rows within the last step look back from
+        // its start.
+        let horizon = self.times.back().copied().unwrap_or(t) - self.longest;
+        let mut row = Vec::new();
+        while self.times.len() > 2 && self.times[1] < horizon {
+            self.times.pop_front();
+            row = self.states.pop_front().unwrap_or_default();
+        }
+        row.clear();
+        row.extend_from_slice(x);
+        self.times.push_back(t);
+        self.states.push_back(row);
+    }
+
+    /// Measured lengths at `t`, where the state is `x`, into `out`.
+    pub fn measure(&self, arm: &Arm<T>, t: f64, x: &[T], out: &mut [T]) {
+        for (j, length) in out.iter_mut().enumerate() {
+            let mut q = match self.delays[j] {
+                None => x[j],
+                Some(delay) => self.at(-delay + t, t, x, j),
+            };
+            for entry in &arm.effects.list {
+                q = entry.kind.measure(j, q);
+            }
+            *length = q;
+        }
+    }
+
+    /// Length `j` at the earlier time `when`: a sum over the pieces that `when` may lie in, so that lanes may lie apart.
+    fn at(&self, when: T, t: f64, x: &[T], j: usize) -> T {
+        let (low, high) = (when.smallest(), when.largest());
+        let last = self.times.len();
+        let time = |k: usize| if k < last && self.times[k] < t { self.times[k] } else { t };
+        let state = |k: usize| -> &[T] { if k < last && self.times[k] < t { &self.states[k] } else { x } };
+        let mut k = self.times.partition_point(|s| *s <= low && *s < t).max(1) - 1;
+        let n = x.len() / 2;
+        let mut value = state(k)[j];
+        while time(k) < high && time(k) < t {
+            let (t0, t1) = (time(k), time(k + 1));
+            let h = t1 - t0;
+            // Cubic through lengths and rates at both ends.
+            let s = ((when - t0) * (1.0 / h)).max(T::zero()).min(T::one());
+            let (a, b) = (state(k), state(k + 1));
+            let (v0, v1, travel) = (a[n + j] * h, b[n + j] * h, b[j] - a[j]);
+            let (c2, c3) = (travel * 3.0 - v0 * 2.0 - v1, v0 + v1 - travel * 2.0);
+            value += s * (v0 + s * (c2 + s * c3));
+            k += 1;
+        }
+        value
+    }
+}
