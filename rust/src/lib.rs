@@ -39,6 +39,7 @@ pub mod plant;
 #[cfg(feature = "python")]
 mod python;
 pub mod real;
+pub mod sensitivity;
 pub mod simulate;
 pub mod table;
 pub mod virtual_arm;
@@ -47,3 +48,4 @@ pub mod virtual_arm;
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/effects.md")]
 struct Documentation;
+pub mod watch;
