@@ -135,6 +135,32 @@ class Simulation:
     @property
     def statistics(self) -> tuple[int, int, int]: ...
 
+@final
+class Differentiator:
+    def __new__(cls, arm: Arm, differences: Sequence[tuple[Sequence[Arm], Sequence[float]]] = ...) -> Self: ...
+    def __call__(
+        self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+
+def sensitivities(
+    arm: Arm,
+    times: ArrayLike,
+    pressures: ArrayLike,
+    forces: ArrayLike | None,
+    output_times: ArrayLike,
+    start: float,
+    state: ArrayLike,
+    differences: Sequence[tuple[Sequence[Arm], Sequence[float]]],
+    parameter_of: Sequence[int | None],
+    directions: ArrayLike,
+    *,
+    interpolation: str = "linear",
+    method: str = "dopri5",
+    step: float = 1e-3,
+    rtol: float = 1e-6,
+    atol: float = 1e-8,
+    max_steps: int | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def instruction_sets() -> list[str]: ...
 
 class Stepper:
