@@ -222,7 +222,6 @@ def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def linear_quadratic_gain(a: ArrayLike, b: ArrayLike, q: ArrayLike, r: ArrayLike) -> NDArray[np.float64]: ...
-
 def simulate_batch(
     arms: Sequence[Arm],
     inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],

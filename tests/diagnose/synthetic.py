@@ -45,7 +45,9 @@ def pressures(time: NDArray[np.float64], kind: str, rng: np.random.Generator, in
     return ambient + p
 
 
-def simulated(arm: bha.Arm, time: NDArray[np.float64], p: NDArray[np.float64], effects: list[dict[str, Any]]) -> NDArray[np.float64]:
+def simulated(
+    arm: bha.Arm, time: NDArray[np.float64], p: NDArray[np.float64], effects: list[dict[str, Any]]
+) -> NDArray[np.float64]:
     """Measured lengths without noise."""
     tables = [{"kind": e["kind"], "where": e["where"], **e["parameters"]} for e in effects]
     options = bha.Options(method="rk4", step=2.5e-3)

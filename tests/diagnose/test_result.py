@@ -20,7 +20,15 @@ EXAMPLE: dict[str, Any] = {
             "confusable_with": [],
         }
     ],
-    "gap": {"metric": "rms", "unit": "m", "noise": 2e-4, "before": 4e-3, "after": 2.2e-4, "holdout": ["a.csv"], "significant": True},
+    "gap": {
+        "metric": "rms",
+        "unit": "m",
+        "noise": 2e-4,
+        "before": 4e-3,
+        "after": 2.2e-4,
+        "holdout": ["a.csv"],
+        "significant": True,
+    },
     "where": {},
     "candidates": [{"kind": "creep", "where": "bellows 32", "score": 0.9, "holdout": 2.2e-4}],
     "residual": {},
@@ -35,7 +43,12 @@ def test_the_form_that_others_read_is_kept(tmp_path: Path) -> None:
     found.write(tmp_path / "diagnosis.json")
     data = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "named"
-    assert data["effects"][0]["parameters"]["tau"] == {"value": 0.1, "unit": "s", "ci95": [0.09, 0.11], "at_bound": False}
+    assert data["effects"][0]["parameters"]["tau"] == {
+        "value": 0.1,
+        "unit": "s",
+        "ci95": [0.09, 0.11],
+        "at_bound": False,
+    }
     assert {k: data["gap"][k] for k in ("metric", "unit", "noise", "before", "after", "holdout")} == {
         k: EXAMPLE["gap"][k] for k in ("metric", "unit", "noise", "before", "after", "holdout")
     }
@@ -44,7 +57,9 @@ def test_the_form_that_others_read_is_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [{"verdict": "perhaps"}, {"surprise": 1}, {"gap": {**EXAMPLE["gap"], "after": float("nan")}}], ids=["verdict", "key", "nan"]
+    "change",
+    [{"verdict": "perhaps"}, {"surprise": 1}, {"gap": {**EXAMPLE["gap"], "after": float("nan")}}],
+    ids=["verdict", "key", "nan"],
 )
 def test_what_does_not_fit_the_schema_is_refused(change: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="validation error"):

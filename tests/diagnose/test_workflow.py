@@ -59,9 +59,7 @@ def test_a_gap_outside_the_catalogue_is_not_named() -> None:
 
 def test_the_same_seed_gives_the_same_diagnosis_whatever_the_threads() -> None:
     logs = make_logs(one_section(), [], seed=5, durations=(2.0, 2.0))
-    first, second = (
-        bha.diagnose(PRODUCT, logs[:1], logs[1:], kinds=("quadratic_damping",), threads=n) for n in (1, 2)
-    )
+    first, second = (bha.diagnose(PRODUCT, logs[:1], logs[1:], kinds=("quadratic_damping",), threads=n) for n in (1, 2))
     assert first.model_copy(update={"seconds": 0.0}) == second.model_copy(update={"seconds": 0.0})
 
 

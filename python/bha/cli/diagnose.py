@@ -52,7 +52,15 @@ def diagnose(
             bar.update(task, description=stage, total=None if share is None else 1.0, completed=share or 0.0)
 
         found = run(
-            arm, read, held, out=out, commanded=commanded, report=not no_report, seed=seed, threads=threads, progress=tell
+            arm,
+            read,
+            held,
+            out=out,
+            commanded=commanded,
+            report=not no_report,
+            seed=seed,
+            threads=threads,
+            progress=tell,
         )
     if as_json:
         print_json(found.model_dump(mode="json", by_alias=True))
@@ -64,7 +72,11 @@ def diagnose(
 
 def _print(found: Diagnosis, out: Path) -> None:
     text = console()
-    verdict = {"named": "A missing effect is named", "no_gap": "No significant gap", "unknown": "A gap that no known effect explains"}
+    verdict = {
+        "named": "A missing effect is named",
+        "no_gap": "No significant gap",
+        "unknown": "A gap that no known effect explains",
+    }
     text.print(f"[bold]{verdict[found.verdict]}[/bold]: {found.reason}", highlight=False)
     if not found.complete:
         text.print("Interrupted: the search is not complete.", highlight=False)
@@ -81,7 +93,9 @@ def _print(found: Diagnosis, out: Path) -> None:
             interval = "" if number.ci95 is None else f"{number.ci95[0]:.4g} to {number.ci95[1]:.4g}"
             table.add_row(name, f"{number.value:.4g}", interval, number.unit)
         text.print(table)
-        text.print(f"confidence {effect.confidence:.2f}" + (", empirical term" if effect.empirical else ""), highlight=False)
+        text.print(
+            f"confidence {effect.confidence:.2f}" + (", empirical term" if effect.empirical else ""), highlight=False
+        )
         if effect.confusable_with:
             text.print("these data cannot tell it from: " + ", ".join(effect.confusable_with[:6]), highlight=False)
     if found.candidates and found.verdict != "named":

@@ -71,7 +71,17 @@ def diagnose(
             import_extra("plotly", extra="report", purpose="The report of a diagnosis")
     from bha.diagnose import workflow, written  # noqa: PLC0415  (SciPy is an extra)
 
-    outcome = workflow.run(arm, logs, holdout, commanded=commanded, kinds=kinds, seed=seed, threads=threads, progress=progress, cache_folder=None if folder is None else folder / ".cache")
+    outcome = workflow.run(
+        arm,
+        logs,
+        holdout,
+        commanded=commanded,
+        kinds=kinds,
+        seed=seed,
+        threads=threads,
+        progress=progress,
+        cache_folder=None if folder is None else folder / ".cache",
+    )
     if folder is not None:
         diagnosed = written.diagnosed_arm(arm, outcome, logs)
         diagnosed.save(folder / "arm_diagnosed.toml")

@@ -126,7 +126,9 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     factor = max([1, *(f for f in (2, 3, 4) if f * sample <= 0.4 / TOP_FREQUENCY)])
     thinned = tuple(thin(r, factor) for r in records)
     states = tuple(first_state(arm, r, model.sections) for r in thinned)
-    jobs = [Job(text, r, s, rows=min(len(r.rows), int(6.0 / r.sample_time))) for r, s in zip(thinned, states, strict=True)]
+    jobs = [
+        Job(text, r, s, rows=min(len(r.rows), int(6.0 / r.sample_time))) for r, s in zip(thinned, states, strict=True)
+    ]
     noise = float(np.median([np.median(r.noise) for r in records]))
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
     coarse: float | None = None
@@ -187,7 +189,10 @@ def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence
     channels = records[0].channels
     edges = np.linspace(QUIET_FREQUENCY, top, 60)
     centres = 0.5 * (edges[1:] + edges[:-1])
-    for group in ([k for k, c in enumerate(channels) if c.startswith("q")], [k for k, c in enumerate(channels) if not c.startswith("q")]):
+    for group in (
+        [k for k, c in enumerate(channels) if c.startswith("q")],
+        [k for k, c in enumerate(channels) if not c.startswith("q")],
+    ):
         if not group:
             continue
         sums, counts = np.zeros(len(centres)), np.zeros(len(centres))
@@ -199,7 +204,10 @@ def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence
         for thinned, changes in zip(prepared.records, disturbed, strict=True):
             for change in changes:
                 # A coefficient of thinned rows holds less of the same spectrum.
-                power = np.mean((dct(change[:, group], axis=0, norm="ortho") / white[group]) ** 2, axis=1) * thinned.thinning
+                power = (
+                    np.mean((dct(change[:, group], axis=0, norm="ortho") / white[group]) ** 2, axis=1)
+                    * thinned.thinning
+                )
                 _add_to_bins(known, draws, edges, frequencies(len(change), thinned.sample_time), power)
         known /= np.maximum(draws, 1.0)
         total = float(counts.sum()) * len(group)

@@ -113,7 +113,8 @@ class KindPlan:
             return [(self.numbers(rest), 1.0)]
         zero = {s.name: 0.0 for s in self.strengths}
         return [
-            (self.numbers({**rest, **zero, s.name: PROBE_SHARE * s.typical}), PROBE_SHARE * s.typical) for s in self.strengths
+            (self.numbers({**rest, **zero, s.name: PROBE_SHARE * s.typical}), PROBE_SHARE * s.typical)
+            for s in self.strengths
         ]
 
     def shape_grid(self) -> list[dict[str, float]]:
@@ -173,7 +174,15 @@ class Candidate:
             nominal = float(self.shape.get(shape.name, shape.grid[0]))
             low, high = max(low, shape.low, 1e-9 if shape.logarithmic else -math.inf), min(high, shape.high)
             coordinate = Coordinate(
-                f"{where}: {shape.name}", unit, nominal, shape.spread, shape.logarithmic, (where, shape.name), low, high, prior=0.05
+                f"{where}: {shape.name}",
+                unit,
+                nominal,
+                shape.spread,
+                shape.logarithmic,
+                (where, shape.name),
+                low,
+                high,
+                prior=0.05,
             )
             coordinates.append(coordinate)
             start.append(coordinate.coordinate(begin.get(shape.name, nominal)))
@@ -320,7 +329,15 @@ def _wall(numbers: Mapping[str, float]) -> dict[str, float]:
     angle, distance = numbers["angle"], numbers["distance"]
     c, s = math.cos(angle), math.sin(angle)
     rest = {k: v for k, v in numbers.items() if k not in ("angle", "distance")}
-    return {**rest, "wall_x": distance * c, "wall_y": distance * s, "wall_z": 0.0, "normal_x": -c, "normal_y": -s, "normal_z": 0.0}
+    return {
+        **rest,
+        "wall_x": distance * c,
+        "wall_y": distance * s,
+        "wall_z": 0.0,
+        "normal_x": -c,
+        "normal_y": -s,
+        "normal_z": 0.0,
+    }
 
 
 BELLOWS = ("all", "section", "bellows")
@@ -328,9 +345,21 @@ SECTION = ("all", "section")
 INPUT = ("all", "section", "input")
 
 PLANS: tuple[KindPlan, ...] = (
-    KindPlan("creep", BELLOWS, (Strength("stiffness", 100.0),), (Shape("tau", TAU_GRID),), parts="bellows", passive=("stiffness",)),
     KindPlan(
-        "hysteresis", BELLOWS, (Strength("amplitude", 3.0),), (Shape("yield", (2e-3, 6e-3, 15e-3), low=8e-4),), parts="bellows", passive=("amplitude",)
+        "creep",
+        BELLOWS,
+        (Strength("stiffness", 100.0),),
+        (Shape("tau", TAU_GRID),),
+        parts="bellows",
+        passive=("stiffness",),
+    ),
+    KindPlan(
+        "hysteresis",
+        BELLOWS,
+        (Strength("amplitude", 3.0),),
+        (Shape("yield", (2e-3, 6e-3, 15e-3), low=8e-4),),
+        parts="bellows",
+        passive=("amplitude",),
     ),
     KindPlan(
         "friction",
@@ -339,7 +368,10 @@ PLANS: tuple[KindPlan, ...] = (
         fixed={"stribeck_velocity": 0.01},
         parts="bellows",
         passive=("coulomb_force",),
-        extra=(Shape("presliding", (3e-4,), low=2e-5, high=1e-3), Shape("static_ratio", (1.2,), logarithmic=False, spread=0.3, high=2.5)),
+        extra=(
+            Shape("presliding", (3e-4,), low=2e-5, high=1e-3),
+            Shape("static_ratio", (1.2,), logarithmic=False, spread=0.3, high=2.5),
+        ),
     ),
     KindPlan("quadratic_damping", BELLOWS, (Strength("damping", 60.0),), parts="bellows", passive=("damping",)),
     KindPlan("bending_damping", SECTION, (Strength("damping", 0.1),), parts="section", passive=("damping",)),
@@ -351,7 +383,10 @@ PLANS: tuple[KindPlan, ...] = (
         passive=("stiffness", "damping"),
     ),
     KindPlan(
-        "effective_area", SECTION, (Strength("by_pressure", 1e-6, signed=True), Strength("by_length", 1.0, signed=True)), parts="section"
+        "effective_area",
+        SECTION,
+        (Strength("by_pressure", 1e-6, signed=True), Strength("by_length", 1.0, signed=True)),
+        parts="section",
     ),
     KindPlan("weak_bellows", ("bellows",), (Strength("change", 0.15, signed=True),)),
     KindPlan(
@@ -376,7 +411,10 @@ PLANS: tuple[KindPlan, ...] = (
         "contact",
         ("section",),
         (Strength("stiffness", 500.0),),
-        (Shape("angle", DIRECTIONS, logarithmic=False, spread=0.3), Shape("distance", (0.7, 0.85), logarithmic=False, spread=0.02)),
+        (
+            Shape("angle", DIRECTIONS, logarithmic=False, spread=0.3),
+            Shape("distance", (0.7, 0.85), logarithmic=False, spread=0.02),
+        ),
         passive=("stiffness",),
         extra=(Shape("damping", (1.0,), logarithmic=True, spread=1.5),),
         fixed={"rounding": 1e-3},
@@ -410,7 +448,9 @@ PLANS: tuple[KindPlan, ...] = (
         begin=_torsion_start,
         needs_heads=True,
     ),
-    KindPlan("non_constant_curvature", SECTION, (Strength("asymmetry", 0.2, signed=True),), parts="section", needs_heads=True),
+    KindPlan(
+        "non_constant_curvature", SECTION, (Strength("asymmetry", 0.2, signed=True),), parts="section", needs_heads=True
+    ),
 )
 
 

@@ -59,7 +59,9 @@ class GapTest:
     significant: bool
 
 
-def gap_test(problem: Problem, holdout: Holdout, fit: Fit, prediction: Prediction, ratio: float, limits: Limits) -> GapTest:
+def gap_test(
+    problem: Problem, holdout: Holdout, fit: Fit, prediction: Prediction, ratio: float, limits: Limits
+) -> GapTest:
     """Test the gap of the plain model ``fit`` on the held-out logs; ``ratio`` is its RMS error over the noise's."""
     held = holdout.problem
     assert fit.jacobian is not None
@@ -104,10 +106,14 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
             closure,
         )
     if not search.best.candidates:
-        return Verdict("unknown", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0)
+        return Verdict(
+            "unknown", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
+        )
     if closure < limits.closure:
         return Verdict(
-            "unknown", f"the best known effects remove {100 * closure:.0f} % of the excess error on held-out logs only", closure
+            "unknown",
+            f"the best known effects remove {100 * closure:.0f} % of the excess error on held-out logs only",
+            closure,
         )
     if closure < limits.good_closure and left > limits.left:
         return Verdict(

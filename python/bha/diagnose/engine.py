@@ -44,7 +44,11 @@ class Engine:
     """
 
     def __init__(
-        self, step: float, threads: int | None = None, coarse: float | None = None, tick: Callable[[int], None] | None = None
+        self,
+        step: float,
+        threads: int | None = None,
+        coarse: float | None = None,
+        tick: Callable[[int], None] | None = None,
     ) -> None:
         """An engine.
 

@@ -61,7 +61,11 @@ def best_by_key(screening: Screening, signatures: Signatures) -> dict[tuple[str,
 
 
 def look_alikes(
-    screening: Screening, signatures: Signatures, best: dict[tuple[str, str], Best], key: tuple[str, str], least: float = ALIKE
+    screening: Screening,
+    signatures: Signatures,
+    best: dict[tuple[str, str], Best],
+    key: tuple[str, str],
+    least: float = ALIKE,
 ) -> list[tuple[str, str, float]]:
     """Kinds and places whose signatures these data can hardly tell from that of ``key``, the most alike first."""
     if key not in best:
@@ -90,7 +94,10 @@ def classes(
 
     for a in range(len(keys)):
         for b in range(a):
-            if root(a) != root(b) and likeness(screening, signatures, best[keys[a]].index, best[keys[b]].index) >= least:
+            if (
+                root(a) != root(b)
+                and likeness(screening, signatures, best[keys[a]].index, best[keys[b]].index) >= least
+            ):
                 parent[root(a)] = root(b)
     groups: dict[int, list[str]] = {}
     for k, key in enumerate(keys):

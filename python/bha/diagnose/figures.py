@@ -35,7 +35,12 @@ def _layout(figure: Any, height: int, *, titled: bool = False, **more: Any) -> A
         margin={"l": 60, "r": 20, "t": 60 if titled else 34, "b": 50},
         font={"family": "system-ui, sans-serif", "size": 13},
         # Above the titles of the panels, whatever the height.
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.0 + (30.0 if titled else 4.0) / (height - 100.0), "x": 0},
+        legend={
+            "orientation": "h",
+            "yanchor": "bottom",
+            "y": 1.0 + (30.0 if titled else 4.0) / (height - 100.0),
+            "x": 0,
+        },
         **more,
     )
     figure.update_yaxes(automargin=True)
@@ -46,7 +51,11 @@ def gap_figure(found: Diagnosis) -> Any:
     """Error on the held-out logs: noise, before, after."""
     go = _plotly()
     gap = found.gap
-    names = ["noise floor", "plain model", "with the named effects"] if found.verdict == "named" else ["noise floor", "plain model"]
+    names = (
+        ["noise floor", "plain model", "with the named effects"]
+        if found.verdict == "named"
+        else ["noise floor", "plain model"]
+    )
     values = [1e3 * gap.noise, 1e3 * gap.before, 1e3 * gap.after][: len(names)]
     bars = go.Bar(
         x=values,
@@ -144,7 +153,11 @@ def trace_figure(outcome: Outcome) -> Any:
     step = max(1, len(record.rows) // TRACE_POINTS)
     time = record.output_time[::step]
     figure = make_subplots(
-        rows=len(worst), cols=1, shared_xaxes=True, subplot_titles=[escape(record.channels[k]) for k in worst], vertical_spacing=0.07
+        rows=len(worst),
+        cols=1,
+        shared_xaxes=True,
+        subplot_titles=[escape(record.channels[k]) for k in worst],
+        vertical_spacing=0.07,
     )
     for row, k in enumerate(worst, start=1):
         lines = [("measured", record.outputs[::step, k], MEASURED), ("plain model", before[::step, k], BEFORE)]
@@ -181,7 +194,10 @@ def error_figure(outcome: Outcome) -> Any:
     if outcome.diagnosis.verdict == "named":
         lines.append(("with the named effects", outcome.best.prediction.outputs[0], AFTER))
     figure = go.Figure(
-        [go.Scatter(x=np.round(time, 3).tolist(), y=blocks(y), name=name, line_color=colour) for name, y, colour in lines]
+        [
+            go.Scatter(x=np.round(time, 3).tolist(), y=blocks(y), name=name, line_color=colour)
+            for name, y, colour in lines
+        ]
     )
     figure.add_hline(y=1e3 * outcome.diagnosis.gap.noise, line_color=NOISE, line_dash="dot", annotation_text="noise")
     figure.update_xaxes(title=f"time, s ({escape(record.name)})")
@@ -219,7 +235,9 @@ def arm_figure(outcome: Outcome) -> Any:
     frames = []
     for k, row in enumerate(rows):
         data = [
-            go.Scatter(x=curves[name][k][:, axis].tolist(), y=curves[name][k][:, 2].tolist()) for axis in (0, 1) for name, _, _ in kinds
+            go.Scatter(x=curves[name][k][:, axis].tolist(), y=curves[name][k][:, 2].tolist())
+            for axis in (0, 1)
+            for name, _, _ in kinds
         ]
         frames.append(go.Frame(data=data, name=f"{record.output_time[row]:.2f}"))
     figure.frames = frames

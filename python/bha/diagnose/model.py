@@ -26,7 +26,14 @@ Array = NDArray[np.float64]
 Core = dict[str, Any]
 
 #: Plausible relative distance of a plain parameter from the file's value, one standard deviation.
-MASS_SPREAD, INERTIA_SPREAD, STIFFNESS_SPREAD, DAMPING_SPREAD, BENDING_SPREAD, AREA_SPREAD = 0.15, 0.3, 0.3, 0.6, 0.4, 0.2
+MASS_SPREAD, INERTIA_SPREAD, STIFFNESS_SPREAD, DAMPING_SPREAD, BENDING_SPREAD, AREA_SPREAD = (
+    0.15,
+    0.3,
+    0.3,
+    0.6,
+    0.4,
+    0.2,
+)
 #: Plausible distance of the centre of mass along z and of the rest length, as a share of the rest length.
 CENTER_SPREAD, REST_SPREAD = 0.08, 0.2
 #: Elongation at which the higher stiffness terms are compared with the first, m, as a share of the range of lengths.
@@ -63,7 +70,9 @@ class Coordinate:
 
     def value(self, x: float) -> float:
         """The value at coordinate ``x``."""
-        raw = self.nominal * math.exp(min(self.spread * x, 50.0)) if self.logarithmic else self.nominal + self.spread * x
+        raw = (
+            self.nominal * math.exp(min(self.spread * x, 50.0)) if self.logarithmic else self.nominal + self.spread * x
+        )
         return min(max(raw, self.low), self.high)
 
     def coordinate(self, value: float) -> float:
@@ -237,7 +246,12 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
         scaled("mass", "kg", float(section["mass"]), MASS_SPREAD),
         Coordinate(f"{place} inertia factor", "1", 1.0, INERTIA_SPREAD, True, ("inertia", i)),
         Coordinate(
-            f"{place} center_of_mass z", "m", float(section["center_of_mass"][2]), CENTER_SPREAD * rest, False, ("center_of_mass", i)
+            f"{place} center_of_mass z",
+            "m",
+            float(section["center_of_mass"][2]),
+            CENTER_SPREAD * rest,
+            False,
+            ("center_of_mass", i),
         ),
         Coordinate(f"{place} rest_length", "m", rest, REST_SPREAD * rest, False, ("rest_length", i), low=0.01 * rest),
         scaled("damping", "N s/m", max(float(bellows["damping"]), 1e-3), DAMPING_SPREAD),
@@ -247,12 +261,24 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     for term in range(1, max(STIFFNESS_TERMS, len(stiffness))):
         nominal = stiffness[term] if term < len(stiffness) else 0.0
         spread = STIFFNESS_SPREAD * first / reach**term
-        found.append(Coordinate(f"{place} stiffness {term + 1}", f"N/m^{term + 1}", nominal, spread, False, ("stiffness", i, term)))
+        found.append(
+            Coordinate(
+                f"{place} stiffness {term + 1}", f"N/m^{term + 1}", nominal, spread, False, ("stiffness", i, term)
+            )
+        )
     bending = float(section["bending_stiffness"][0])
     # Where the file has none, a tenth of what the bellows' springs make of a bend.
     size = bending if bending > 0.0 else 0.15 * first * float(section["bellows_radius"]) ** 2
     found.append(
-        Coordinate(f"{place} bending_stiffness", "N m", bending, BENDING_SPREAD * size, False, ("bending_stiffness", i), low=0.0)
+        Coordinate(
+            f"{place} bending_stiffness",
+            "N m",
+            bending,
+            BENDING_SPREAD * size,
+            False,
+            ("bending_stiffness", i),
+            low=0.0,
+        )
     )
     stated = arm.parameters.sections[i].provenance.get("terminal_area")
     if stated is not None and stated.status == "assumed":

@@ -67,6 +67,7 @@ def sensor_noise(
         white: standard deviation if the noise is white, m.
         known: what is in the spectra beside the noise of the sensors: the work of the pressure noise, m^2.
     """
+
     # Averages over bins: the likelihood then is that of chi-squared means, whatever their number of degrees.
     def loss(x: Array) -> float:
         variance, share, time = np.exp(x[0]), 1.0 / (1.0 + np.exp(-x[1])), np.exp(x[2])

@@ -139,7 +139,13 @@ def refit(
     if not known:
         try:
             fit = improve(
-                problem, fit, iterations=iterations, renew=effect_coordinates, renewals=renewals, tolerance=2e-3, limit=2.0
+                problem,
+                fit,
+                iterations=iterations,
+                renew=effect_coordinates,
+                renewals=renewals,
+                tolerance=2e-3,
+                limit=2.0,
             )
         except ConvergenceError:
             return None

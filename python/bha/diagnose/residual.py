@@ -73,6 +73,8 @@ def _follows(holdout: Holdout, best: Trial) -> list[dict[str, Any]]:
             if np.std(regressor) == 0.0 or np.std(values) == 0.0:
                 continue
             test = stats.spearmanr(values, regressor)
-            found.append({"output": output, "with": cause, "correlation": float(test.statistic), "p_value": float(test.pvalue)})
+            found.append(
+                {"output": output, "with": cause, "correlation": float(test.statistic), "p_value": float(test.pvalue)}
+            )
     found.sort(key=lambda f: -abs(float(str(f["correlation"]))))
     return found[:10]

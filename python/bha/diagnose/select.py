@@ -71,11 +71,15 @@ class Search:
     complete: bool = False
 
 
-def promising(ranking: Sequence[Scored], taken: Sequence[tuple[str, str]], count: int, per_kind: int, effective: float) -> list[Scored]:
+def promising(
+    ranking: Sequence[Scored], taken: Sequence[tuple[str, str]], count: int, per_kind: int, effective: float
+) -> list[Scored]:
     """The best candidates by penalised score: one shape a place, few places a kind."""
 
     def value(scored: Scored) -> float:
-        return -effective * float(np.log(max(1e-9, 1.0 - scored.share))) - scored.candidate.plan.size * float(np.log(effective))
+        return -effective * float(np.log(max(1e-9, 1.0 - scored.share))) - scored.candidate.plan.size * float(
+            np.log(effective)
+        )
 
     chosen: list[Scored] = []
     kinds: dict[str, int] = {}
@@ -131,7 +135,9 @@ def _forward(
         chosen = promising(ranking, taken, count, rules.per_kind, problem.rows / correlation)
         trials: list[Trial] = []
         for k, scored in enumerate(chosen):
-            say(f"effect {number + 1}: refitting {scored.candidate.kind} at {scored.candidate.where} ({k + 1} of {len(chosen)})")
+            say(
+                f"effect {number + 1}: refitting {scored.candidate.kind} at {scored.candidate.where} ({k + 1} of {len(chosen)})"
+            )
             trial = refit(
                 problem,
                 holdout,
@@ -254,4 +260,3 @@ def _swap(
             if bic(current, problem, correlation) - bic(trial, problem, correlation) > rules.swap:
                 state.notes.append(f"{_names(trial)} in place of {_names(current)}")
                 state.best = current = trial
-

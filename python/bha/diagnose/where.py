@@ -114,7 +114,9 @@ def _section(channel: str) -> int:
     return int(digits.split("_")[0]) if "_" in digits else int(digits[0])
 
 
-def _modes(records: Sequence[Any], residuals: Sequence[Array], floor: Array, radius: Sequence[float]) -> list[dict[str, Any]]:
+def _modes(
+    records: Sequence[Any], residuals: Sequence[Array], floor: Array, radius: Sequence[float]
+) -> list[dict[str, Any]]:
     """Bends and mean length of each section, from its three lengths: amplitudes in m at the bellows."""
     channels = records[0].channels
     result = []
@@ -159,12 +161,19 @@ def _bands(records: Sequence[Any], residuals: Sequence[Array], noise: NoiseModel
         if count:
             ratio = power / max(expected, 1e-30)
             result.append(
-                {"low": low, "high": min(high, top), "ratio": float(np.sqrt(ratio)), "p_value": float(stats.chi2.sf(ratio * count, count))}
+                {
+                    "low": low,
+                    "high": min(high, top),
+                    "ratio": float(np.sqrt(ratio)),
+                    "p_value": float(stats.chi2.sf(ratio * count, count)),
+                }
             )
     return result
 
 
-def _regions(problem: Problem, residuals: Sequence[Array], floor: Array, rng: np.random.Generator) -> list[dict[str, Any]]:
+def _regions(
+    problem: Problem, residuals: Sequence[Array], floor: Array, rng: np.random.Generator
+) -> list[dict[str, Any]]:
     """Error by region of each length, speed and pressure, by direction of motion, and at rest against in motion."""
     records = problem.records
     ratio = np.concatenate([np.mean((r / floor) ** 2, axis=1) for r in residuals])
@@ -208,11 +217,15 @@ def _speed(time: Array, outputs: Array) -> Array:
     return np.asarray(np.gradient(smooth[start : start + len(time)], time, axis=0))
 
 
-def _region(name: str, unit: str, values: Array, ratio: Array, labels: NDArray[np.intp], rng: np.random.Generator) -> dict[str, Any]:
+def _region(
+    name: str, unit: str, values: Array, ratio: Array, labels: NDArray[np.intp], rng: np.random.Generator
+) -> dict[str, Any]:
     """Error over noise in quantile bins of ``values``, and how unlikely its spread over the bins is by chance."""
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
     if len(edges) < 3 and len(np.unique(values)) > 1:
-        edges = np.unique(np.concatenate([np.unique(values)[:-1] + np.diff(np.unique(values)) / 2, [values.min(), values.max()]]))
+        edges = np.unique(
+            np.concatenate([np.unique(values)[:-1] + np.diff(np.unique(values)) / 2, [values.min(), values.max()]])
+        )
     if len(edges) < 3:
         return {"name": name, "unit": unit, "edges": edges, "ratio": [float(np.sqrt(np.mean(ratio)))], "p_value": None}
     bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)

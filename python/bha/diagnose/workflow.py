@@ -111,9 +111,7 @@ def run(
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
     ranges = catalogue.core_ranges()
     heads, lengths = _measured(train)
-    plans = [
-        p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)
-    ]
+    plans = [p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
         signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)
@@ -132,7 +130,18 @@ def run(
     fit = final.fit if final is state.plain else with_sensitivities(problem, final.fit)
     uncertainty = intervals(problem, fit, seed)
     diagnosis = _describe(
-        baseline, holdout, state, signatures, gap, verdict, where, replace(final, fit=fit), uncertainty, (noise_rms, *errors), seed, (train, held)
+        baseline,
+        holdout,
+        state,
+        signatures,
+        gap,
+        verdict,
+        where,
+        replace(final, fit=fit),
+        uncertainty,
+        (noise_rms, *errors),
+        seed,
+        (train, held),
     )
     if state.complete:
         cache.clear()
@@ -245,7 +254,8 @@ def _describe(
                 }
             ),
             "plain": values,
-            "logs": [plain(_log_facts(r, "training")) for r in train] + [plain(_log_facts(r, "held out")) for r in held],
+            "logs": [plain(_log_facts(r, "training")) for r in train]
+            + [plain(_log_facts(r, "held out")) for r in held],
         }
     )
 
@@ -311,7 +321,9 @@ def _effects(
         bounds = {str(c.path[-1]): c.at_bound(float(v)) for c, v in zip(term.coordinates, x, strict=True)}
         spans = {str(c.path[-1]): uncertainty[at + k] for k, c in enumerate(term.coordinates)}
         parameters = _numbers(term, x, draws[:, at : at + len(term.coordinates)], bounds)
-        empirical = any(bounds.values()) or any(spans[name][1] < 0.0 for name in candidate.plan.passive if name in spans)
+        empirical = any(bounds.values()) or any(
+            spans[name][1] < 0.0 for name in candidate.plan.passive if name in spans
+        )
         at += len(term.coordinates)
         rivals = _rivals(state, final, number, problem, correlation)
         alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
@@ -347,11 +359,15 @@ def _numbers(term: EffectTerm, x: Array, draws: Array, bounds: Mapping[str, bool
         if name not in term.fixed and np.any(found != found[0]):
             low, high = np.quantile(found, [0.025, 0.975])
             interval = (float(low), float(high))
-        result[name] = Number(value=value, unit=ranges(term.kind, name)[0], ci95=interval, at_bound=bounds.get(name, False))
+        result[name] = Number(
+            value=value, unit=ranges(term.kind, name)[0], ci95=interval, at_bound=bounds.get(name, False)
+        )
     return result
 
 
-def _rivals(state: Search, final: Trial, number: int, problem: Problem, correlation: float) -> list[tuple[Trial, float]]:
+def _rivals(
+    state: Search, final: Trial, number: int, problem: Problem, correlation: float
+) -> list[tuple[Trial, float]]:
     """Trials that differ from the final one in one effect only, with the distance of their criterion."""
     mine = bic(final, problem, correlation)
     found: dict[tuple[tuple[str, str], ...], tuple[Trial, float]] = {}

@@ -45,11 +45,15 @@ def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
     return type(arm)(arm.parameters.updated(changes))
 
 
-def _write_plain(mapping: dict[str, Any], model: Model, x: Any, outcome: Outcome, references: list[dict[str, str]]) -> None:
+def _write_plain(
+    mapping: dict[str, Any], model: Model, x: Any, outcome: Outcome, references: list[dict[str, str]]
+) -> None:
     # What the model computes with at x says every derived value (inertia) too.
     core = model.with_effects([]).description(x[: len(model.plain)])
     intervals = {c.path: (c, outcome.uncertainty[k]) for k, c in enumerate(model.plain)}
-    for i, (table, section, before) in enumerate(zip(mapping["section"], core["section"], model.core["section"], strict=True)):
+    for i, (table, section, before) in enumerate(
+        zip(mapping["section"], core["section"], model.core["section"], strict=True)
+    ):
         first, first_before = section["bellows"][0], before["bellows"][0]
         table["mass"] = section["mass"]
         table["inertia"] = section["inertia"]
@@ -69,7 +73,9 @@ def _write_plain(mapping: dict[str, Any], model: Model, x: Any, outcome: Outcome
         for key in ("mass", "rest_length", "damping", "terminal_area"):
             if (key, i) in intervals:
                 provenance[key] = _entry(intervals[key, i][1], references)
-        terms = [intervals["stiffness", i, k][1] for k in range(len(first["stiffness"])) if ("stiffness", i, k) in intervals]
+        terms = [
+            intervals["stiffness", i, k][1] for k in range(len(first["stiffness"])) if ("stiffness", i, k) in intervals
+        ]
         if len(terms) == len(first["stiffness"]):
             provenance["stiffness"] = _entry(terms, references)
         for key in ("inertia", "center_of_mass", "bending_stiffness"):

@@ -60,7 +60,9 @@ class Prediction:
         return {section: float(np.sqrt(square)) for section, square in squares.items()}
 
 
-def predict(arm: Arm, records: Sequence[Record], *, step: float = 2.5e-3, threads: int | None = None) -> list[Prediction]:
+def predict(
+    arm: Arm, records: Sequence[Record], *, step: float = 2.5e-3, threads: int | None = None
+) -> list[Prediction]:
     """Predict whole records with an arm; the initial state of each is estimated from its first second.
 
     A simulation that fails is reported in its place.
@@ -94,7 +96,9 @@ def _start_states(model: Model, guesses: Array) -> Array:
             (np.zeros(0), np.ones(0)),
         )
         try:
-            states[k] = solve(problem, Point(np.zeros(0), guesses[k : k + 1]), max_iterations=6, tolerance=1e-3).point.states[0]
+            states[k] = solve(
+                problem, Point(np.zeros(0), guesses[k : k + 1]), max_iterations=6, tolerance=1e-3
+            ).point.states[0]
         except ConvergenceError:
             continue
     return states

@@ -77,7 +77,9 @@ def _combination(coordinates: Sequence[Coordinate], vector: Array, deviation: fl
     elif logarithmic and all(vector[k] > 0.5 * vector[members[0]] for k in members):
         text = f"{joined(names)}: only their ratios"
     else:
-        changes = [f"{n} by {_change(c, vector[k] / vector[members[0]])}" for n, c, k in zip(names, some, members, strict=True)]
+        changes = [
+            f"{n} by {_change(c, vector[k] / vector[members[0]])}" for n, c, k in zip(names, some, members, strict=True)
+        ]
         text = f"{joined(names)}: not all of them; changing {joined(changes)} together leaves no trace"
     return Combination(text, tuple(c.name for c in some), vector, deviation)
 

@@ -158,7 +158,9 @@ def refine(
         label = "whole logs" if length is None else f"windows of {length:g} s"
 
         def report(iteration: int, cost: float, number: int = number, label: str = label) -> None:
-            tell(f"{label}, step {iteration + 1}, loss {cost:.4g}", (number + 1.0 - 0.75**iteration) / (len(stages) + 1))
+            tell(
+                f"{label}, step {iteration + 1}, loss {cost:.4g}", (number + 1.0 - 0.75**iteration) / (len(stages) + 1)
+            )
 
         staged = replace(model, records=tuple(r.thinned(interval) for r in model.records))
         if final and problem is not None and outcome is not None:

@@ -255,13 +255,13 @@ def _with_provenance(
             marked[id(table)].add(key)
             note = "" if estimate.identified else f"not told by these logs: {spoken(member)}"
             if place is None:
-                entry[key] = _entry(estimate.identified, [low, high], abs(estimate.standard_error * factor), references, note)
+                entry[key] = _entry(
+                    estimate.identified, [low, high], abs(estimate.standard_error * factor), references, note
+                )
                 continue
             values = table[key]
             if fresh or not isinstance(old, dict):
-                old = _entry(
-                    estimate.identified, [[v, v] for v in values], [0.0] * len(values), references, note
-                )
+                old = _entry(estimate.identified, [[v, v] for v in values], [0.0] * len(values), references, note)
             elif note:
                 old = {**old, "source": "; ".join(filter(None, [old.get("source", ""), note]))}
             old["ci95"][place] = [low, high]
@@ -270,9 +270,7 @@ def _with_provenance(
     return parameters.updated(mapping)
 
 
-def _entry(
-    identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str
-) -> dict[str, Any]:
+def _entry(identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str) -> dict[str, Any]:
     entry: dict[str, Any] = {"status": "identified" if identified else "assumed"}
     if note:
         entry["source"] = note
@@ -297,5 +295,3 @@ def _held_out_summary(held: HeldOut) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
