@@ -101,11 +101,13 @@ class _Figures:
 
     def script(self) -> str:
         drawn = ",".join(self._json)
-        return (
-            f"const figures=[{drawn}];figures.forEach((f,i)=>{const d=document.getElementById('figure'+i);"
-            "Plotly.newPlot(d,{data:f.data,layout:{...f.layout,width:d.clientWidth},frames:f.frames||[],config:{displayModeBar:false}});"
+        draw = (
+            "figures.forEach((f,i)=>{const d=document.getElementById('figure'+i);"
+            "const layout={...f.layout,width:d.clientWidth};const config={displayModeBar:false};"
+            "Plotly.newPlot(d,{data:f.data,layout,frames:f.frames||[],config});"
             "new ResizeObserver(()=>Plotly.relayout(d,{width:d.clientWidth})).observe(d);});"
         )
+        return f"const figures=[{drawn}];{draw}"
 
 
 def _head(found: Diagnosis, arm_name: str) -> str:
