@@ -1,9 +1,10 @@
 """Six controllers lead an arm they do not know exactly: a circle of the tip and a fast move.
 
-The plant is the nominal arm with every mass, stiffness, bending stiffness and damping off by 10 % (up or down at random),
-full pneumatics, noisy sensors, and creep, which the paper names and leaves out. The controllers' model is the nominal
-arm; "with creep" means that the effect, once diagnosed, is in the model too, while the 10 % stay wrong. The last row
-knows everything and shows what pneumatics and noise leave. Writes a figure for each reference and prints both tables.
+The plant is the nominal arm with every mass, stiffness, bending stiffness and damping off by 10 % (up or down at
+random), full pneumatics, noisy sensors, and creep, which the paper names and leaves out. The controllers' model is the
+nominal arm; "with creep" means that the effect, once diagnosed, is in the model too, while the 10 % stay wrong. The
+last row knows everything and shows what pneumatics and noise leave. Writes a figure for each reference and prints both
+tables.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The story in small: logs of an arm with something hidden in it, the gap, its name, the gap after.
 
-The logs come from ``benches/blind``, a simulator written apart from the package, from a fixed seed; the diagnosis sees the logs and a parameter
-file that is off by 10 to 15 %. Run it with ``make demo`` or ``python examples/diagnose_story.py --out out``.
+The logs come from ``benches/blind``, a simulator written apart from the package, from a fixed seed; the diagnosis sees
+the logs and a parameter file that is off by 10 to 15 %. Run it with ``make demo`` or
+``python examples/diagnose_story.py --out out``.
 """
 
 from __future__ import annotations

@@ -255,7 +255,7 @@ fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T
 }
 
 impl<T: Real> System<T> for Plant<T> {
-    #[inline(always)]
+    #[inline(never)] // one copy: the integrator calls it from several places
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
         self.step_end = t1;
         // The chain's and the held pressures belong to the step.
@@ -275,7 +275,7 @@ impl<T: Real> System<T> for Plant<T> {
         self.ws.effects.begin_step(&self.arm, t0, x0);
     }
 
-    #[inline(always)]
+    #[inline(never)] // one copy: the integrator calls it from several places
     fn end_step(&mut self, t1: f64, x1: &[T]) {
         self.ws.effects.end_step(&self.arm, t1, x1);
         match (&mut self.chain, &mut self.history) {
@@ -302,7 +302,7 @@ impl<T: Real> System<T> for Plant<T> {
         }
     }
 
-    #[inline(always)]
+    #[inline(never)] // one copy: the integrator calls it from several places
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
         self.ws.effects.time = t;
         let n = x.len() / 2;

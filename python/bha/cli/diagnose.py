@@ -18,7 +18,8 @@ from bha.log import Log
 @arm_argument
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--holdout", metavar="LOG", multiple=True, type=click.Path(path_type=Path),
-              help="A log that takes no part in any fit; may be repeated. The last third of the logs if left out.")  # fmt: skip
+              help="A log that takes no part in any fit; may be repeated. "
+                   "The last third of the logs if left out.")  # fmt: skip
 @click.option("--out", metavar="DIR", required=True, type=click.Path(path_type=Path, file_okay=False),
               help="Folder for diagnosis.json, arm_diagnosed.toml and report.html.")  # fmt: skip
 @click.option("--commanded", is_flag=True, help="Take the commanded pressures (pc..) as those that act.")
@@ -82,8 +83,8 @@ def _print(found: Diagnosis, out: Path) -> None:
         text.print("Interrupted: the search is not complete.", highlight=False)
     gap = found.gap
     text.print(
-        f"open-loop error on {', '.join(gap.holdout)}: {1e3 * gap.before:.3g} mm before, {1e3 * gap.after:.3g} mm after, "
-        f"noise {1e3 * gap.noise:.3g} mm",
+        f"open-loop error on {', '.join(gap.holdout)}: {1e3 * gap.before:.3g} mm before, "
+        f"{1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm",
         highlight=False,
         markup=False,
     )

@@ -41,7 +41,8 @@ CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
 @arm_argument
 @click.option("--plant", "plant_path", metavar="PLANT", help="The arm that moves; ARM itself if left out.")
 @click.option("--reference", metavar="circle|move|FILE", default="circle", show_default=True,
-              help="A circle of the tip, a fast move between two poses, or a file with lengths (q11 ...) over time.")  # fmt: skip
+              help="A circle of the tip, a fast move between two poses, or a file with lengths (q11 ...) "
+                   "over time.")  # fmt: skip
 @click.option("--radius", type=float, default=0.12, show_default=True, help="Radius of the circle [m].")
 @click.option("--speed", type=float, default=0.4, show_default=True, help="Speed of the tip on the circle [m/s].")
 @click.option("--controller", "names", multiple=True, type=click.Choice(list(CONTROLLERS)),

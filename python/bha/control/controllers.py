@@ -29,8 +29,8 @@ class Controller:
         arm: the controller's model.
         observer: where the rates come from; None: a Kalman filter for laws with a model, differences for ``Pid``.
         limits: limits of pressures; None: those of the arm's parameter file.
-        lead_time: time constant of the pressures that the controller takes back, s: it adds that much of the rate of the
-            pressures that the reference alone asks for. None: that of the model's pneumatics; 0 leaves it out.
+        lead_time: time constant of the pressures that the controller takes back, s: it adds that much of the rate of
+            the pressures that the reference alone asks for. None: that of the model's pneumatics; 0 leaves it out.
     """
 
     arm: Arm

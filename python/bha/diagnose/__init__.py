@@ -51,8 +51,8 @@ def diagnose(
         progress: called with the stage and the share of it that is done, None where that is not known.
 
     Returns:
-        The diagnosis, see :class:`bha.diagnose.result.Diagnosis`. After Ctrl-C in the search what was found so far, with
-        ``complete`` false.
+        The diagnosis, see :class:`bha.diagnose.result.Diagnosis`. After Ctrl-C in the search what was found so far,
+        with ``complete`` false.
 
     Raises:
         InputError: no logs, logs without outputs or with different ones.

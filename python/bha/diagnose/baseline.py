@@ -1,8 +1,9 @@
 """The plain model first: integration step, initial states, noise of a right model, re-identified parameters.
 
-What: everything that has to be settled before a gap means anything. A wrong stiffness or an unknown initial state must never be taken
-for physics.
-Source: paper section IV for the plain parameters; issue of errors in variables: the pressure noise is part of the noise model.
+What: everything that has to be settled before a gap means anything. A wrong stiffness or an unknown initial state must
+never be taken for physics.
+Source: paper section IV for the plain parameters; issue of errors in variables: the pressure noise is part of the noise
+model.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a diagnosis has computed so far, on disk, so that an interrupted one goes on where it stopped.
 
-The folder's name is the hash of everything the results depend on: the arm, the logs' numbers, the options, the version of the package. Arrays
-only, no pickles: a file from elsewhere can at worst be refused.
+The folder's name is the hash of everything the results depend on: the arm, the logs' numbers, the options, the version
+of the package. Arrays only, no pickles: a file from elsewhere can at worst be refused.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The candidates: every kind of effect, where it may sit, how its signature is probed, and how its numbers are fitted.
 
-What: one :class:`KindPlan` a kind. Kinds, places and the ranges of the numbers come from the core's registry; here is only what a search needs
-beside it: which numbers the outputs are linear in (strengths), on which grid those that do not exist without the effect are tried
-(shapes: time constants, yields, wall places), and what is plausible.
+What: one :class:`KindPlan` a kind. Kinds, places and the ranges of the numbers come from the core's registry; here is
+only what a search needs beside it: which numbers the outputs are linear in (strengths), on which grid those that do not
+exist without the effect are tried (shapes: time constants, yields, wall places), and what is plausible.
 Source: kinds and forms `rust/src/effects/kinds`; magnitudes as in `docs/diagnosis.md`.
 Convention: a *probe* is an effect at small strength; its signature is the change of the outputs per unit of strength.
 """
@@ -76,9 +76,10 @@ class KindPlan:
         needs_heads: whether it shows in measured head positions only.
         needs_lengths: whether it shows in measured lengths only.
         grid: numbers that only serve to try probes, and are not fitted themselves.
-        probes: from the shapes the numbers of the effects that are probed, and the strength each stands for; one probe a
-            strength without it.
-        begin: start of the numbers that are fitted, from the strengths of the probes and the shapes; zero strength without it.
+        probes: from the shapes the numbers of the effects that are probed, and the strength each stands for; one probe
+            a strength without it.
+        begin: start of the numbers that are fitted, from the strengths of the probes and the shapes; zero strength
+            without it.
         numbers: see :class:`bha.diagnose.model.EffectTerm`.
     """
 
@@ -152,8 +153,8 @@ class Candidate:
     def term(self, strengths: Sequence[float], ranges: Ranges) -> tuple[EffectTerm, list[float]]:
         """The effect with all its numbers free, and where its coordinates start.
 
-        Strengths count from zero in units of what the screening expects. Started at strength zero, a first step finds strengths
-        and plain parameters together; that is safer than to trust the strengths that the screening promises.
+        Strengths count from zero in units of what the screening expects. Started at strength zero, a first step finds
+        strengths and plain parameters together; that is safer than to trust the strengths that the screening promises.
         """
         coordinates: list[Coordinate] = []
         start: list[float] = []

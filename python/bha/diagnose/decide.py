@@ -1,8 +1,9 @@
 """The verdict: no gap, a named effect, or a gap that no known effect explains. A wrong name is worse than the third.
 
-What: the gap on held-out logs against what a right model with uncertain parameters would leave, and what the search found against it.
-Source: the error of a right model is sqrt(noise^2 + J Cov J^T + pressure-noise term); the last and first are in the whitening, the
-middle one is added here.
+What: the gap on held-out logs against what a right model with uncertain parameters would leave, and what the search
+found against it.
+Source: the error of a right model is sqrt(noise^2 + J Cov J^T + pressure-noise term); the last and first are in the
+whitening, the middle one is added here.
 """
 
 from __future__ import annotations
@@ -118,7 +119,8 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
     if closure < limits.good_closure and left > limits.left:
         return Verdict(
             "unknown",
-            f"the best known effects leave an error of {left:.1f} times the noise ({100 * closure:.0f} % of the excess removed)",
+            f"the best known effects leave an error of {left:.1f} times the noise "
+            f"({100 * closure:.0f} % of the excess removed)",
             closure,
         )
     return Verdict("named", f"{100 * closure:.0f} % of the excess error on held-out logs is removed", closure)

@@ -96,7 +96,7 @@ class Engine:
             arms[text] = len(built) - 1
         forces = None if record.forces is None else record.forces.reshape(len(record.time), -1)
         drives: dict[int, int] = {}
-        inputs = []
+        inputs: list[tuple[Array, Array, Array | None]] = []
         for job in jobs:
             if id(job.pressures) not in drives:
                 drives[id(job.pressures)] = len(inputs)

@@ -1,4 +1,4 @@
-"""What these logs can tell at all: detectable size of every effect, classes of look-alikes, the best next experiment."""
+"""What these logs can tell at all: detectable size of every effect, look-alikes, the best next experiment."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ ALIKE = 0.95
 #: The experiment that shows a kind best (see docs/diagnosis.md).
 EXPERIMENTS: dict[str, str] = {
     "creep": "step and hold one bellows for five of its relaxation times, steps of both signs",
-    "hysteresis": "slow triangular pressures of decreasing amplitude at two speeds a factor five apart: the same loop at both",
-    "friction": "free swing until rest, and slow reversals: amplitude falls linearly, the arm stops off its equilibrium",
+    "hysteresis": "slow triangular pressures of decreasing amplitude at two speeds a factor five apart: "
+    "the same loop at both",
+    "friction": "free swing until rest, and slow reversals: amplitude falls linearly, "
+    "the arm stops off its equilibrium",
     "quadratic_damping": "releases from several amplitudes: the decrement grows with the amplitude",
     "bending_damping": "compare the decay of a lateral swing with that of a bounce along the arm",
     "bending_nonlinear": "quasi-static bends at several mean lengths, up to the largest bend",
@@ -82,7 +84,7 @@ def look_alikes(
 def classes(
     screening: Screening, signatures: Signatures, best: dict[tuple[str, str], Best], least: float = ALIKE
 ) -> list[list[str]]:
-    """Classes of look-alikes among all kinds and places: connected by a likeness of at least ``least``; larger ones first."""
+    """Classes of look-alikes among all kinds and places: connected by a likeness of ``least`` or more; larger first."""
     keys = list(best)
     parent = list(range(len(keys)))
 

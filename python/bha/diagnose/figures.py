@@ -1,4 +1,4 @@
-"""Figures of the report, as Plotly figures. Labels that come from files are escaped here: Plotly reads some HTML in text."""
+"""Plotly figures of the report. Labels that come from files are escaped here: Plotly reads some HTML in text."""
 
 from __future__ import annotations
 
@@ -26,6 +26,11 @@ TRACE_POINTS, FRAMES = 1500, 80
 
 def _plotly() -> Any:
     return import_extra("plotly.graph_objects", extra="report", purpose="The report of a diagnosis")
+
+
+def _subplots(**options: Any) -> Any:
+    module = import_extra("plotly.subplots", extra="report", purpose="The report of a diagnosis")
+    return module.make_subplots(**options)
 
 
 def _layout(figure: Any, height: int, *, titled: bool = False, **more: Any) -> Any:
@@ -101,10 +106,8 @@ def time_figure(rows: Sequence[dict[str, Any]]) -> Any:
 def region_figure(rows: Sequence[dict[str, Any]]) -> Any:
     """Error over noise by region, of the quantities it depends on most."""
     go = _plotly()
-    from plotly.subplots import make_subplots  # noqa: PLC0415  (an optional extra, imported above)
-
     shown = [r for r in rows if r["p_value"] is not None][:6]
-    figure = make_subplots(
+    figure = _subplots(
         rows=max(1, -(-len(shown) // 2)),
         cols=2,
         subplot_titles=[f"{escape(r['name'])}, p = {r['p_value']:.3f}" for r in shown],
@@ -142,8 +145,6 @@ def candidates_figure(found: Diagnosis) -> Any:
 def trace_figure(outcome: Outcome) -> Any:
     """Measured and simulated outputs of the worst channels of the first held-out log."""
     go = _plotly()
-    from plotly.subplots import make_subplots  # noqa: PLC0415  (an optional extra, imported above)
-
     record = outcome.holdout.problem.records[0]
     before = outcome.plain.prediction.outputs[0]
     after = outcome.best.prediction.outputs[0]
@@ -152,7 +153,7 @@ def trace_figure(outcome: Outcome) -> Any:
     worst = sorted(np.argsort(-error)[:3].tolist())
     step = max(1, len(record.rows) // TRACE_POINTS)
     time = record.output_time[::step]
-    figure = make_subplots(
+    figure = _subplots(
         rows=len(worst),
         cols=1,
         shared_xaxes=True,
@@ -208,8 +209,6 @@ def error_figure(outcome: Outcome) -> Any:
 def arm_figure(outcome: Outcome) -> Any:
     """The arm moving on the first held-out log, measured against simulated: two side views."""
     go = _plotly()
-    from plotly.subplots import make_subplots  # noqa: PLC0415  (an optional extra, imported above)
-
     record = outcome.holdout.problem.records[0]
     rows = np.linspace(0, len(record.rows) - 1, min(FRAMES, len(record.rows))).round().astype(int)
     arm = _core.Arm(outcome.plain.fit.model.arm(outcome.plain.fit.x))
@@ -217,7 +216,7 @@ def arm_figure(outcome: Outcome) -> Any:
     if outcome.diagnosis.verdict == "named":
         kinds.append(("with the named effects", outcome.best.prediction.outputs[0], AFTER))
     curves = {name: [_backbone(arm, record.channels, outputs[row]) for row in rows] for name, outputs, _ in kinds}
-    figure = make_subplots(rows=1, cols=2, subplot_titles=("view along y", "view along x"), horizontal_spacing=0.12)
+    figure = _subplots(rows=1, cols=2, subplot_titles=("view along y", "view along x"), horizontal_spacing=0.12)
     for axis in (0, 1):
         for name, _, colour in kinds:
             curve = curves[name][0]

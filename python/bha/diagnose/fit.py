@@ -1,9 +1,10 @@
 """Output-error fit: plain parameters, effects and the initial state of every log together, by simulation.
 
-What: Levenberg-Marquardt on the whitened residual of whole logs plus the prior. The initial state of each log is eliminated within the
-step (its sensitivities fade with the arm's motion, so they are only simulated until then).
+What: Levenberg-Marquardt on the whitened residual of whole logs plus the prior. The initial state of each log is
+eliminated within the step (its sensitivities fade with the arm's motion, so they are only simulated until then).
 Source: Nocedal and Wright 2006, chapter 10; whitening :mod:`bha.diagnose.noise`.
-Validity: a local method: it needs the plain arm within some ten to twenty per cent, or a simulation that stays on course.
+Validity: a local method: it needs the plain arm within some ten to twenty per cent, or a simulation that stays on
+course.
 """
 
 from __future__ import annotations
@@ -93,7 +94,8 @@ class Fit:
         residual: white residual.
         cost: sum of squares of the residual plus the prior's.
         jacobian: white outputs by coordinates, shape (rows, size), or None.
-        state_jacobians: white outputs of each log by its initial state, in units of ``STATE_LENGTH`` and ``STATE_RATE``.
+        state_jacobians: white outputs of each log by its initial state, in units of ``STATE_LENGTH`` and
+            ``STATE_RATE``.
         trust: weight of the prior against the squares of the residual, see :func:`prior_weight`.
     """
 
@@ -132,8 +134,9 @@ def state_units(n: int) -> Array:
 def prior_weight(squares: float, rows: int) -> float:
     """Weight of the prior: one under a right model, and as much more as the residual exceeds the noise.
 
-    A residual that is not noise but physics is no evidence about the plain parameters to the precision of the noise: neighbouring
-    samples err together. Without this a strong effect drives them to absurd values, and the absurd values hide the effect.
+    A residual that is not noise but physics is no evidence about the plain parameters to the precision of the noise:
+    neighbouring samples err together. Without this a strong effect drives them to absurd values, and the absurd values
+    hide the effect.
     """
     return 1.0 + CORRELATION * max(0.0, squares / rows - 1.05)
 
@@ -230,7 +233,7 @@ def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[
     gradient = fit.jacobian.T @ rest - weights * fit.x
     matrix = hessian + np.diag(weights)
     matrix += damping * np.diag(np.diag(matrix)) + 1e-12 * np.trace(matrix) / max(len(matrix), 1) * np.eye(len(matrix))
-    step = np.linalg.solve(matrix, gradient)
+    step = np.asarray(np.linalg.solve(matrix, gradient), dtype=np.float64)
     states = []
     units = state_units(len(fit.states[0]) // 2)
     for part, jacobian in zip(problem.slices(), fit.state_jacobians, strict=True):
@@ -252,15 +255,16 @@ def improve(
 ) -> Fit:
     """Fit from ``fit`` on.
 
-    Sensitivities are kept from step to step as long as they predict what a step brings, and renewed when they do not: they cost some
-    thirty times a run.
+    Sensitivities are kept from step to step as long as they predict what a step brings, and renewed when they do not:
+    they cost some thirty times a run.
 
     Args:
         problem: the logs.
         fit: where to start, with its sensitivities where it has them.
         iterations: most steps.
         tolerance: stop when a step lowers the cost by less than this share, or by less than 0.5.
-        renew: coordinates whose sensitivities are renewed in every step in any case (those that enter most nonlinearly).
+        renew: coordinates whose sensitivities are renewed in every step in any case (those that enter most
+            nonlinearly).
         limit: greatest step of a coordinate.
         renewals: how often all sensitivities may be renewed.
 

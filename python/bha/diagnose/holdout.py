@@ -1,7 +1,8 @@
 """Prediction of logs that took no part in the fit: open loop, from an initial state estimated on each of them.
 
 What: outputs, error by block, and the test whether one model predicts better than another.
-Source: paired signed-rank test of Wilcoxon (1945) on the logarithms of the block errors: a few blocks with large errors do not decide.
+Source: paired signed-rank test of Wilcoxon (1945) on the logarithms of the block errors: a few blocks with large errors
+do not decide.
 Validity: blocks of a second or more, longer than the errors are correlated.
 """
 

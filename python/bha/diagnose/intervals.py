@@ -1,9 +1,9 @@
 """Intervals and confidence by resampling blocks of the residual.
 
-Source: block bootstrap (Kunsch 1989) of the score: with the sensitivities J and the white residual r, resampled blocks b move the
-estimate by H^-1 sum_b (w_b - 1) J_b^T r_b, H = J^T J + prior; refits are not needed.
-Validity: the fit is at its minimum, and blocks are longer than the residual's correlation. What a wrong form of an effect does to
-its numbers (bias) is not in the intervals.
+Source: block bootstrap (Kunsch 1989) of the score: with the sensitivities J and the white residual r, resampled blocks
+b move the estimate by H^-1 sum_b (w_b - 1) J_b^T r_b, H = J^T J + prior; refits are not needed.
+Validity: the fit is at its minimum, and blocks are longer than the residual's correlation. What a wrong form of an
+effect does to its numbers (bias) is not in the intervals.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
 """The model that is fitted: an arm's plain parameters and any number of effects, over one vector of coordinates.
 
-What: every number that may change is a :class:`Coordinate`, which says how it enters the core's description of the arm and how far
-it may plausibly be from its nominal value: the vector ``x`` counts in these distances, so that the prior is a unit normal.
-Source: plain parameters as in the paper's identification (section IV): mass and inertia (56), longitudinal stiffness (Fig. 8), bending
-stiffness (Fig. 9), damping (Fig. 10).
-Validity: the scale of all forces is set by the effective areas, which count as known unless the parameter file calls them assumed.
+What: every number that may change is a :class:`Coordinate`, which says how it enters the core's description of the arm
+and how far it may plausibly be from its nominal value: the vector ``x`` counts in these distances, so that the prior is
+a unit normal.
+Source: plain parameters as in the paper's identification (section IV): mass and inertia (56), longitudinal stiffness
+(Fig. 8), bending stiffness (Fig. 9), damping (Fig. 10).
+Validity: the scale of all forces is set by the effective areas, which count as known unless the parameter file calls
+them assumed.
 """
 
 from __future__ import annotations
@@ -102,8 +104,8 @@ class EffectTerm:
         where: as in a parameter file.
         coordinates: what is fitted.
         fixed: numbers that stay.
-        numbers: what makes the numbers of the file from those that are fitted, where they are others (a wall's angle and
-            distance).
+        numbers: what makes the numbers of the file from those that are fitted, where they are others (a wall's angle
+            and distance).
     """
 
     kind: str
@@ -193,8 +195,9 @@ def with_effect_tables(core: Core, effects: Sequence[Mapping[str, Any]]) -> Core
 def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
     """Write one plain number into the core's description.
 
-    ``("mass", i)`` moves the inertia along, since (56) is proportional to the mass; ``("stiffness", i, k)``, ``("damping", i)``,
-    ``("rest_length", i)`` and ``("terminal_area", i)`` act on all bellows of the section, whose differences stay in proportion.
+    ``("mass", i)`` moves the inertia along, since (56) is proportional to the mass; ``("stiffness", i, k)``,
+    ``("damping", i)``, ``("rest_length", i)`` and ``("terminal_area", i)`` act on all bellows of the section, whose
+    differences stay in proportion.
     """
     key, section = str(path[0]), core["section"][int(path[1])]
     if key == "mass":

@@ -1,11 +1,12 @@
 """What the residual of a right model looks like, and the change of coordinates in which it is white.
 
-What: a right model still differs from the logs by (1) the noise of the output sensors, perhaps coloured, and (2) the noise of the
-pressure sensors, which drives the simulated arm and comes out shaped by its resonances, the same for all outputs of a section. Both
-are described by one covariance matrix of the outputs per frequency band; (2) by simulating a few draws of pressure noise.
-The whitening takes the cosine transform in time (real, orthonormal, and unlike Fourier's without a step where the log ends), divides
-every band by the Cholesky factor of its covariance, drops what lies above ``top_frequency``, where no arm moves, and transforms
-back: rows that are white with variance one under a right model, in fewer samples, still ordered in time.
+What: a right model still differs from the logs by (1) the noise of the output sensors, perhaps coloured, and (2) the
+noise of the pressure sensors, which drives the simulated arm and comes out shaped by its resonances, the same for all
+outputs of a section. Both are described by one covariance matrix of the outputs per frequency band; (2) by simulating a
+few draws of pressure noise. The whitening takes the cosine transform in time (real, orthonormal, and unlike Fourier's
+without a step where the log ends), divides every band by the Cholesky factor of its covariance, drops what lies above
+``top_frequency``, where no arm moves, and transforms back: rows that are white with variance one under a right model,
+in fewer samples, still ordered in time.
 Validity: noise that is stationary within a log; bands that are wide against the resolution of a log.
 """
 
@@ -60,7 +61,8 @@ def sensor_noise(
     """White or coloured noise, from the spectrum of residuals above the arm's motion, by Whittle's likelihood.
 
     Args:
-        spectra: squares of cosine coefficients, averaged over channels and logs that share a kind of sensor, shape (k,), m^2.
+        spectra: squares of cosine coefficients, averaged over channels and logs that share a kind of sensor, shape
+            (k,), m^2.
         count: coefficients that were averaged, in all.
         frequency: their frequencies, Hz: only such at which the arm does not move.
         sample_time: of the sensor, s.
@@ -102,7 +104,8 @@ class NoiseModel:
         covariance: covariance of one cosine coefficient in each band, m^2, shape (b, channels, channels).
         sensor: standard deviation of the output sensors, m, shape (channels,).
         pressure_part: RMS of what the pressure noise does to each output, m, shape (channels,).
-        colours: of each output the share of the sensor's variance that is coloured, and its correlation time, s; (0, 0) for white noise.
+        colours: of each output the share of the sensor's variance that is coloured, and its correlation time, s; (0, 0)
+            for white noise.
     """
 
     edges: Array

@@ -1,12 +1,12 @@
 """Prepare measured logs: what was measured, how noisy it is, where a sensor holds its last value or is frozen.
 
-What: one :class:`Record` a log with the channels that a simulation can be compared with (bellows lengths, head positions), the noise
-and the quantisation of every channel from the data itself, and the rows that may be used.
-Source: noise from third differences (the second-order difference estimator of Gasser, Sroka and Jennen-Steinmetz 1986 taken one
-order higher): for white noise of variance s^2 the variance of ``y[k+3] - 3 y[k+2] + 3 y[k+1] - y[k]`` is 20 s^2, and a motion that
-is smooth over four samples leaves nothing in it.
-Validity: sampling at some ten times the fastest motion or more; noise that is white over four samples (coloured noise is dealt with
-in :mod:`bha.diagnose.noise`).
+What: one :class:`Record` a log with the channels that a simulation can be compared with (bellows lengths, head
+positions), the noise and the quantisation of every channel from the data itself, and the rows that may be used.
+Source: noise from third differences (the second-order difference estimator of Gasser, Sroka and Jennen-Steinmetz 1986
+taken one order higher): for white noise of variance s^2 the variance of ``y[k+3] - 3 y[k+2] + 3 y[k+1] - y[k]`` is 20
+s^2, and a motion that is smooth over four samples leaves nothing in it.
+Validity: sampling at some ten times the fastest motion or more; noise that is white over four samples (coloured noise
+is dealt with in :mod:`bha.diagnose.noise`).
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ def third_difference_noise(values: Array) -> float:
     if count < 4:
         return float(np.sqrt(np.median(differences**2) / MEDIAN_SQUARE / THIRD_DIFFERENCE_VARIANCE))
     means = np.mean(differences[: count * length].reshape(count, length) ** 2, axis=1)
-    # The lower half of the blocks, corrected by the part of their distribution that lies there, says which blocks are quiet.
+    # The lower half of the blocks, corrected by the part of their distribution that lies there, says which blocks are
+    # quiet.
     quiet = float(np.median(np.sort(means)[: max(2, count // 2)])) / LOWER_HALF_SHARE
     return float(np.sqrt(np.mean(means[means < 2.5 * quiet]) / THIRD_DIFFERENCE_VARIANCE)) if quiet > 0.0 else 0.0
 
@@ -153,7 +154,7 @@ LOWER_HALF_SHARE = _lower_half_share()
 
 
 def quantum(values: Array) -> float:
-    """Distance of the grid on which all ``values`` lie; 0 where there is none coarser than a thousandth of their spread."""
+    """Distance of the grid on which all ``values`` lie; 0 if none is coarser than a thousandth of their spread."""
     levels = np.unique(np.round(values, 12))
     if len(levels) < 3:
         return 0.0
@@ -302,7 +303,7 @@ def _fresh_rows(time: Array, outputs: Array, facts: Sequence[ChannelFacts]) -> N
 
 
 def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
-    """Training and held-out records where the user names none: the last third of the logs, or of the only log's time."""
+    """Training and held-out records if the user names none: the last third of the logs, or of the only log's time."""
     if len(records) > 1:
         held = max(1, len(records) // 3)
         return list(records[:-held]), list(records[-held:])

@@ -1,7 +1,7 @@
 """Refits: candidates together with the plain parameters, by simulation, compared by an information criterion.
 
-Source: Schwarz 1978 with an effective sample size from the residual's autocorrelation (Thiebaux and Zwiers 1984): numbers that err
-together count once.
+Source: Schwarz 1978 with an effective sample size from the residual's autocorrelation (Thiebaux and Zwiers 1984):
+numbers that err together count once.
 """
 
 from __future__ import annotations

@@ -24,12 +24,18 @@ VERDICTS = {
 STYLE = """
 :root { color-scheme: light; --line: #ddd; --soft: #555; }
 * { box-sizing: border-box; }
-body { font: 16px/1.5 system-ui, sans-serif; margin: 0 auto; max-width: 1120px; padding: 1rem; color: #222; background: #fff; }
-h1 { font-size: 1.5rem; margin: 0.2rem 0; } h2 { font-size: 1.15rem; margin: 1.6rem 0 0.4rem; border-top: 1px solid var(--line); padding-top: 0.8rem; }
+body {
+  font: 16px/1.5 system-ui, sans-serif; margin: 0 auto; max-width: 1120px; padding: 1rem; color: #222; background: #fff;
+}
+h1 { font-size: 1.5rem; margin: 0.2rem 0; }
+h2 { font-size: 1.15rem; margin: 1.6rem 0 0.4rem; border-top: 1px solid var(--line); padding-top: 0.8rem; }
 .verdict { border-left: 6px solid var(--mark); padding: 0.4rem 0.9rem; background: #fafafa; }
 .named { --mark: #0072b2; } .no_gap { --mark: #009e73; } .unknown { --mark: #d55e00; }
 .soft { color: var(--soft); } .scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 0.92rem; } th, td { text-align: left; padding: 0.25rem 0.7rem 0.25rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
+table { border-collapse: collapse; font-size: 0.92rem; }
+th, td {
+  text-align: left; padding: 0.25rem 0.7rem 0.25rem 0; border-bottom: 1px solid var(--line); vertical-align: top;
+}
 .grid { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0.8rem; }
 .figure { min-width: 0; width: 100%; overflow: hidden; }
 @media (max-width: 720px) { .grid { grid-template-columns: minmax(0, 1fr); } body { padding: 0.6rem; } }
@@ -124,10 +130,14 @@ def _head(found: Diagnosis, arm_name: str) -> str:
     )
 
 
+def _interval(number: Any) -> str:
+    return "" if number.ci95 is None else f"{number.ci95[0]:.4g} to {number.ci95[1]:.4g}"
+
+
 def _effect(effect: Any) -> str:
     rows = "".join(
         f"<tr><td>{escape(name)}</td><td>{n.value:.4g} {escape(n.unit)}</td>"
-        f"<td>{'' if n.ci95 is None else f'{n.ci95[0]:.4g} to {n.ci95[1]:.4g}'}{' (on a bound)' if n.at_bound else ''}</td></tr>"
+        f"<td>{_interval(n)}{' (on a bound)' if n.at_bound else ''}</td></tr>"
         for name, n in effect.parameters.items()
     )
     notes = [f"confidence {effect.confidence:.2f}"]
@@ -154,11 +164,15 @@ def _residual(found: Diagnosis) -> str:
     if rest.get("line"):
         text += f"<p>A line stands out at {rest['line']['frequency']:.2f} Hz.</p>"
     rows = "".join(
-        f"<tr><td>{escape(f['output'])}</td><td>{escape(f['with'])}</td><td>{f['correlation']:+.2f}</td><td>{f['p_value']:.2g}</td></tr>"
+        f"<tr><td>{escape(f['output'])}</td><td>{escape(f['with'])}</td><td>{f['correlation']:+.2f}</td>"
+        f"<td>{f['p_value']:.2g}</td></tr>"
         for f in rest.get("follows", [])[:6]
     )
     if rows:
-        text += f"<div class='scroll'><table><tr><th>residual of</th><th>follows</th><th>rank correlation</th><th>p</th></tr>{rows}</table></div>"
+        text += (
+            "<div class='scroll'><table><tr><th>residual of</th><th>follows</th><th>rank correlation</th>"
+            f"<th>p</th></tr>{rows}</table></div>"
+        )
     notes = "".join(f"<li>{escape(n)}</li>" for n in rest.get("notes", []))
     return text + (f"<p>Steps of the search:</p><ul>{notes}</ul>" if notes else "")
 
@@ -167,10 +181,16 @@ def _excitation(found: Diagnosis) -> str:
     told = found.excitation
     text = "<h2>What these logs can tell</h2>"
     weak = "".join(
-        f"<tr><td>{escape(w['kind'])}</td><td>{100 * w['detectable_over_typical']:.3g} %</td></tr>" for w in told["least_visible"]
+        f"<tr><td>{escape(w['kind'])}</td><td>{100 * w['detectable_over_typical']:.3g} %</td></tr>"
+        for w in told["least_visible"]
     )
-    text += f"<div class='scroll'><table><tr><th>least visible</th><th>detectable size over a typical one</th></tr>{weak}</table></div>"
-    groups = "".join(f"<li>{escape(', '.join(g[:12]))}{' ...' if len(g) > 12 else ''}</li>" for g in told["classes"][:10])
+    text += (
+        "<div class='scroll'><table><tr><th>least visible</th><th>detectable size over a typical one</th></tr>"
+        f"{weak}</table></div>"
+    )
+    groups = "".join(
+        f"<li>{escape(', '.join(g[:12]))}{' ...' if len(g) > 12 else ''}</li>" for g in told["classes"][:10]
+    )
     if groups:
         text += f"<p>Look-alikes in these logs:</p><ul>{groups}</ul>"
     if told["next_experiment"]:
@@ -180,17 +200,19 @@ def _excitation(found: Diagnosis) -> str:
 
 def _tables(found: Diagnosis) -> str:
     plain = "".join(
-        f"<tr><td>{escape(name)}</td><td>{n.value:.5g} {escape(n.unit)}</td><td>{'' if n.ci95 is None else f'{n.ci95[0]:.4g} to {n.ci95[1]:.4g}'}</td></tr>"
+        f"<tr><td>{escape(name)}</td><td>{n.value:.5g} {escape(n.unit)}</td><td>{_interval(n)}</td></tr>"
         for name, n in found.plain.items()
     )
     logs = "".join(
-        f"<tr><td>{escape(log['name'])}</td><td>{escape(log['part'])}</td><td>{log['rows']}</td><td>{log['duration']:.4g} s</td>"
-        f"<td>{escape(_flaws(log))}</td></tr>"
+        f"<tr><td>{escape(log['name'])}</td><td>{escape(log['part'])}</td><td>{log['rows']}</td>"
+        f"<td>{log['duration']:.4g} s</td><td>{escape(_flaws(log))}</td></tr>"
         for log in found.logs
     )
     return (
-        f"<h2>Logs</h2><div class='scroll'><table><tr><th>log</th><th>part</th><th>rows</th><th>duration</th><th>noise and flaws</th></tr>{logs}</table></div>"
-        f"<h2>Re-identified plain parameters</h2><div class='scroll'><table><tr><th>parameter</th><th>value</th><th>95 % interval</th></tr>{plain}</table></div>"
+        "<h2>Logs</h2><div class='scroll'><table><tr><th>log</th><th>part</th><th>rows</th><th>duration</th>"
+        f"<th>noise and flaws</th></tr>{logs}</table></div>"
+        "<h2>Re-identified plain parameters</h2><div class='scroll'><table><tr><th>parameter</th><th>value</th>"
+        f"<th>95 % interval</th></tr>{plain}</table></div>"
     )
 
 

@@ -1,8 +1,9 @@
-"""``diagnosis.json``: what a diagnosis found, for machines. The schema is strict, so that what is written can be read back."""
+"""``diagnosis.json``: what a diagnosis found, for machines. The schema is strict: what is written can be read back."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,7 +17,7 @@ Verdict = Literal["named", "no_gap", "unknown"]
 
 
 def _finite(value: float) -> float:
-    if value != value or value in (float("inf"), float("-inf")):
+    if not math.isfinite(value):
         raise ValueError(f"found {value}; allowed: a finite number")
     return value
 
@@ -48,7 +49,8 @@ class Effect(Table):
         parameters: its numbers.
         confidence: share of block-bootstrap repeats that choose it among its rivals.
         confusable_with: kinds and places that these data cannot tell from it (``kind at place``).
-        empirical: it helps to predict, but breaks a physical rule (creates energy, sits on a bound): a term, not a cause.
+        empirical: it helps to predict, but breaks a physical rule (creates energy, sits on a bound): a term, not a
+            cause.
         experiment: what would tell it from those it is confused with, empty where nothing has to.
         gap_removed: share of the excess error on the held-out logs that it removes, beside the other effects named.
     """
@@ -87,7 +89,8 @@ class CandidateLine(Table):
         holdout: RMS error on the held-out logs after a refit, m; None where it was not refitted.
         bic: difference of the Bayesian information criterion to the plain model after a refit (negative is better).
         distance: difference to the best candidate's.
-        detectable: least strength that these logs would show at three standard deviations, in the unit of its first number.
+        detectable: least strength that these logs would show at three standard deviations, in the unit of its first
+            number.
         unit: unit of ``detectable``.
     """
 
@@ -168,6 +171,6 @@ def plain(value: Any) -> Any:
         return [plain(v) for v in value]
     if hasattr(value, "tolist"):
         return plain(value.tolist())
-    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+    if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -1,9 +1,12 @@
 """Screening: which effect, in which place, would explain what the plain model leaves, without refitting any.
 
-What: the signature of every candidate, the change of the outputs per unit of strength, by one simulation at small strength;
-projected on the complement of what plain parameters and initial states can do; its Rao score against the residual.
-Source: Rao 1948 (score test); Davies 1987 for the shapes, numbers that do not exist without the effect: the maximum over their grid counts.
-Convention: a score is the drop of the sum of squares of the white residual that the candidate alone, linearly, would bring.
+What: the signature of every candidate, the change of the outputs per unit of strength, by one simulation at small
+strength; projected on the complement of what plain parameters and initial states can do; its Rao score against the
+residual.
+Source: Rao 1948 (score test); Davies 1987 for the shapes, numbers that do not exist without the effect: the maximum
+over their grid counts.
+Convention: a score is the drop of the sum of squares of the white residual that the candidate alone, linearly, would
+bring.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +77,7 @@ class Complement:
         scale = 1e-10 * np.trace(normal) / max(len(normal), 1)
         self._normal = normal + np.diag(weights + scale)
 
-    def __call__(self, table: Array) -> Array:
+    def __call__(self, table: NDArray[np.floating[Any]]) -> Array:
         """The projection of ``table`` (rows, k)."""
         left = project_states(self._problem, self._states, np.asarray(table, dtype=np.float64))
         if self._jacobian.shape[1]:
@@ -129,7 +133,7 @@ def probe(
 
 
 def shapes_at(plan: KindPlan, where: str, fit: Fit, problem: Problem) -> list[dict[str, float]]:
-    """The grid of the shapes; walls stand where the head comes: ``distance`` is a share of its reach in that direction."""
+    """The grid of the shapes; walls stand where the head comes: ``distance`` is a share of its reach that way."""
     grid = plan.shape_grid()
     if plan.kind != "contact":
         return grid
@@ -198,7 +202,7 @@ def score(problem: Problem, fit: Fit, signatures: Signatures) -> Screening:
 
 
 def likeness(screening: Screening, signatures: Signatures, a: int, b: int) -> float:
-    """Greatest canonical correlation of the projected signatures of two candidates: 1 if the data cannot tell them apart."""
+    """Greatest canonical correlation of two candidates' projected signatures: 1 if the data cannot tell them apart."""
     first, second = signatures.columns[a], signatures.columns[b]
 
     def block(left: tuple[tuple[int, ...], ...], right: tuple[tuple[int, ...], ...]) -> Array:
@@ -215,7 +219,7 @@ def likeness(screening: Screening, signatures: Signatures, a: int, b: int) -> fl
 
 
 def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tuple[float, tuple[float, ...], float]:
-    """Score and strengths of one candidate; directions that the plain parameters can do themselves count for nothing."""
+    """Score and strengths of one candidate; directions that the plain parameters can do count for nothing."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     alive = values > 1e-6

@@ -1,7 +1,7 @@
-"""Which effects: forward by training score, swaps inside a class of look-alikes, backward by prediction of held-out blocks.
+"""Which effects: forward by training score, swaps among look-alikes, backward by prediction of held-out blocks.
 
-What: the search over sets of effects. A held-out gate at each forward step would refuse a true first effect while others are still missing,
-so the gates come last.
+What: the search over sets of effects. A held-out gate at each forward step would refuse a true first effect while
+others are still missing, so the gates come last.
 Source: rules as measured on simulated arms (docs/diagnosis.md); Wilcoxon 1945, Schwarz 1978.
 """
 
@@ -136,7 +136,8 @@ def _forward(
         trials: list[Trial] = []
         for k, scored in enumerate(chosen):
             say(
-                f"effect {number + 1}: refitting {scored.candidate.kind} at {scored.candidate.where} ({k + 1} of {len(chosen)})"
+                f"effect {number + 1}: refitting {scored.candidate.kind} at {scored.candidate.where} "
+                f"({k + 1} of {len(chosen)})"
             )
             trial = refit(
                 problem,
@@ -153,7 +154,8 @@ def _forward(
         if not trials:
             return
         trials = _sorted(trials, problem)
-        # The winner and its nearest rivals once more, with sensitivities of their own: the others' are those of the smaller model.
+        # The winner and its nearest rivals once more, with sensitivities of their own: the others' are those of the
+        # smaller model.
         for k in range(min(2, len(trials))):
             say(f"effect {number + 1}: refining {_names(trials[k])}")
             finer = _refined(problem, holdout, trials[k])

@@ -1,14 +1,16 @@
-"""Where the error of a model sits: by channel, section and mode, time, frequency, region of q, q' and p, direction, motion.
+"""Where a model's error sits: by channel, section and mode, time, frequency, region of q, q' and p, direction, motion.
 
-What: error over noise in every group, each with a p-value against the noise that respects correlation: the residual is white under a
-right model (:mod:`bha.diagnose.noise`), so the mean square of blocks of white numbers is tested, and groups are compared with the
-rest by a permutation of whole blocks.
-Convention: residual is measured less simulated; a *mode* is u, v (bends) or l (mean length) of a section, in m at the bellows' radius.
+What: error over noise in every group, each with a p-value against the noise that respects correlation: the residual is
+white under a right model (:mod:`bha.diagnose.noise`), so the mean square of blocks of white numbers is tested, and
+groups are compared with the rest by a permutation of whole blocks.
+Convention: residual is measured less simulated; a *mode* is u, v (bends) or l (mean length) of a section, in m at the
+bellows' radius.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -36,7 +38,7 @@ def block_edges(time: Array, block: float = BLOCK_TIME) -> list[slice]:
     span = float(time[-1] - time[0])
     count = max(1, round(span / block))
     edges = np.linspace(0, len(time), count + 1).round().astype(int)
-    return [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    return [slice(int(a), int(b)) for a, b in pairwise(edges) if b > a]
 
 
 def locate(
@@ -244,6 +246,7 @@ def _region(
 
     observed = float(np.std(means))
     draws = [spread(block_mean[rng.permutation(count)]) for _ in range(PERMUTATIONS)]
-    # Within blocks the error follows the bins too; the permutation of block means is a lower bound of the chance spread.
+    # Within blocks the error follows the bins too; the permutation of block means is a lower bound of the chance
+    # spread.
     p_value = (1.0 + float(np.sum(np.array(draws) >= observed))) / (PERMUTATIONS + 1.0)
     return {"name": name, "unit": unit, "edges": edges, "ratio": np.sqrt(means), "p_value": p_value}

@@ -65,7 +65,7 @@ class Outcome:
     uncertainty: list[tuple[float, float]]
 
 
-def run(
+def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one call)
     arm: Arm,
     logs: Sequence[Log],
     holdout_logs: Sequence[Log] = (),
@@ -159,7 +159,8 @@ def _records(
     for record in [*train, *held]:
         if record.channels != train[0].channels:
             raise InputError(
-                f"{record.name}: measures {', '.join(record.channels)}; {train[0].name} measures {', '.join(train[0].channels)}; "
+                f"{record.name}: measures {', '.join(record.channels)}; "
+                f"{train[0].name} measures {', '.join(train[0].channels)}; "
                 "the logs of one diagnosis need the same outputs"
             )
     return (train, held) if held else split(train)
@@ -285,8 +286,8 @@ def _candidates(
     for key, entry in best.items():
         strengths = entry.scored.candidate.plan.strengths
         detectable = 3.0 * entry.scored.deviation * np.sqrt(correlation)
-        trial = refitted.get(key)
-        rms = trial.prediction.rms if trial is not None else None
+        alone = refitted.get(key)
+        rms = alone.prediction.rms if alone is not None else None
         lines.append(
             CandidateLine(
                 kind=key[0],

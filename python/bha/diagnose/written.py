@@ -1,4 +1,4 @@
-"""The diagnosed arm as a parameter file: re-identified plain values and the named effects, each with where it comes from."""
+"""The diagnosed arm as a parameter file: re-identified plain values and the named effects, each with its source."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Prediction:
 
     @property
     def head_rms(self) -> dict[int, float]:
-        """Root mean square distance between measured and predicted head, m, for each section whose head was measured."""
+        """Root mean square distance of measured and predicted head, m, for each section whose head was measured."""
         squares: dict[int, float] = {}
         for channel, rms in zip(self.record.channels, self.rms, strict=True):
             quantity = names.quantity(channel)

@@ -1,4 +1,4 @@
-"""Which parameters, and which combinations of them, the data cannot tell: from the Fisher information's small eigenvalues.
+"""Which parameters, and combinations of them, the data cannot tell: from the Fisher information's small eigenvalues.
 
 The information is that on the coordinates z of ``bha.identify.free``, so that an eigenvector with two entries of equal
 sign on a logarithmic scale says that raising both numbers by the same factor changes nothing that was measured: only

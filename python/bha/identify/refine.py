@@ -186,6 +186,7 @@ def refine(
             # What was fine enough at the start need not be at the end, where frequencies are others.
             finer = 0.5
             stages.append((length, 0.0, None))
+    assert problem is not None
     assert outcome is not None
     tell("standard errors", len(stages) / (len(stages) + 1))
     try:

@@ -1,4 +1,4 @@
-"""What identification comes back with: estimates with intervals, what is not known, what is left, the parameter file."""
+"""What identification gives back: estimates with intervals, what is not known, what is left, the parameter file."""
 
 from __future__ import annotations
 
@@ -130,7 +130,8 @@ def identification(start: Arm, refinement: Refinement, held_out: Sequence[Record
     """Judge a refinement: what is known, what is left, how well held-out logs are predicted."""
     coordinates, known = refinement.coordinates, refinement.uncertainty
     count = len(coordinates)
-    correlation, unknown = np.full((count, count), np.nan), ()
+    correlation = np.full((count, count), np.nan)
+    unknown: tuple[Combination, ...] = ()
     identified = [False] * count
     if known is not None:
         deviations = np.sqrt(np.diag(known.covariance))
@@ -226,8 +227,9 @@ def _warnings(
         worst = max(large, key=lambda r: r.rms / r.noise)
         said.append(
             f"the fit leaves more than the sensors' noise in {len(large)} of {len(residuals)} channels (most in "
-            f"{worst.channel} of {worst.record}: {1e3 * worst.rms:.2g} mm, noise {1e3 * worst.noise:.2g} mm): the model "
-            "lacks physics there, and the intervals are those of the best parameters of a model that is not quite right"
+            f"{worst.channel} of {worst.record}: {1e3 * worst.rms:.2g} mm, noise {1e3 * worst.noise:.2g} mm): the "
+            "model lacks physics there, and the intervals are those of the best parameters of a model that is not "
+            "quite right"
         )
     return said
 

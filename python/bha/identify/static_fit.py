@@ -1,9 +1,9 @@
 """Joint fit of what a slow arm tells: poses that the pressures hold, paper (62), against measured lengths and heads.
 
-The paper identifies longitudinal and bending stiffness one after the other from steady states (section IV-C and D); here
-all static parameters are fitted to all poses at once. Rows need not be steady to the last digit: what lags is left to the
-refinement by simulation, for which this fit is the start. It needs no integration, hence no stiffness of the arm's
-equations limits it.
+The paper identifies longitudinal and bending stiffness one after the other from steady states (section IV-C and D);
+here all static parameters are fitted to all poses at once. Rows need not be steady to the last digit: what lags is left
+to the refinement by simulation, for which this fit is the start. It needs no integration, hence no stiffness of the
+arm's equations limits it.
 """
 
 from __future__ import annotations
