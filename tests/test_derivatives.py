@@ -32,9 +32,9 @@ def arms() -> dict[str, bha.Arm]:
     nominal = bha.robots.load("bha_nominal")
     place = "section 2"
     effects = [
-        {"kind": "quadratic_damping", "where": place, "parameters": {"damping": 20.0}},
-        {"kind": "base_tilt", "where": "all", "parameters": {"about_x": 0.1, "about_y": -0.05}},
-        {"kind": "bending_damping", "where": place, "parameters": {"damping": 0.1}},
+        {"kind": "quadratic_damping", "where": place, "damping": 20.0},
+        {"kind": "base_tilt", "where": "all", "about_x": 0.1, "about_y": -0.05},
+        {"kind": "bending_damping", "where": place, "damping": 0.1},
     ]
     return {
         "nominal": nominal,
