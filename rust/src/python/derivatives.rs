@@ -14,6 +14,10 @@ use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex};
 
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+type Cube<'py> = Bound<'py, PyArray3<f64>>;
+
 /// Arms and weights whose sum is the derivative of the arm's numbers by one parameter.
 type Difference<'py> = (Vec<Bound<'py, PyArm>>, Vec<f64>);
 
@@ -55,7 +59,7 @@ impl Differentiator {
         qd: &Bound<'py, PyAny>,
         p: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    ) -> PyResult<(Vector<'py>, Matrix<'py>)> {
         let (py, n) = (q.py(), 3 * self.sections);
         let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
         let p = vector(p, "p", self.inputs)?;
@@ -93,7 +97,7 @@ pub fn sensitivities<'py>(
     rtol: f64,
     atol: f64,
     max_steps: Option<u64>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
+) -> PyResult<(Matrix<'py>, Cube<'py>)> {
     let py = arm.py();
     let arm = arm.get().arm.clone();
     let (columns, inputs) = (arm.coordinates(), arm.inputs);
