@@ -10,6 +10,30 @@ from typing_extensions import disjoint_base
 
 from bha.errors import BhaError, SimulationError
 
+__all__ = [
+    "Arm",
+    "Controller",
+    "Differentiator",
+    "DynamicsTerms",
+    "Energy",
+    "Simulation",
+    "Stepper",
+    "VirtualArm",
+    "__version__",
+    "closed_loop",
+    "effect_kinds",
+    "format_table_rows",
+    "formula_fault",
+    "instruction_sets",
+    "linear_quadratic_gain",
+    "linearize",
+    "read_table",
+    "resolved_motion",
+    "rest_near",
+    "sensitivities",
+    "simulate_batch",
+]
+
 __version__: str
 
 class _ParameterInfo(TypedDict):
@@ -163,6 +187,7 @@ def sensitivities(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def instruction_sets() -> list[str]: ...
 
+@disjoint_base
 class Stepper:
     def __new__(cls, arm: Arm, step: float = 1e-3) -> Self: ...
     def reset(self, p: ArrayLike, q: ArrayLike | None = None, qd: ArrayLike | None = None) -> NDArray[np.float64]: ...
