@@ -10,6 +10,30 @@ from typing_extensions import disjoint_base
 
 from bha.errors import BhaError, SimulationError
 
+__all__ = [
+    "Arm",
+    "Controller",
+    "Differentiator",
+    "DynamicsTerms",
+    "Energy",
+    "Simulation",
+    "Stepper",
+    "VirtualArm",
+    "__version__",
+    "closed_loop",
+    "effect_kinds",
+    "format_table_rows",
+    "formula_fault",
+    "instruction_sets",
+    "linear_quadratic_gain",
+    "linearize",
+    "read_table",
+    "resolved_motion",
+    "rest_near",
+    "sensitivities",
+    "simulate_batch",
+]
+
 __version__: str
 
 class _ParameterInfo(TypedDict):
@@ -135,6 +159,35 @@ class Simulation:
     @property
     def statistics(self) -> tuple[int, int, int]: ...
 
+@final
+class Differentiator:
+    def __new__(cls, arm: Arm, differences: Sequence[tuple[Sequence[Arm], Sequence[float]]] = ...) -> Self: ...
+    def __call__(
+        self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+
+def sensitivities(
+    arm: Arm,
+    times: ArrayLike,
+    pressures: ArrayLike,
+    forces: ArrayLike | None,
+    output_times: ArrayLike,
+    start: float,
+    state: ArrayLike,
+    differences: Sequence[tuple[Sequence[Arm], Sequence[float]]],
+    parameter_of: Sequence[int | None],
+    directions: ArrayLike,
+    *,
+    interpolation: str = "linear",
+    method: str = "dopri5",
+    step: float = 1e-3,
+    rtol: float = 1e-6,
+    atol: float = 1e-8,
+    max_steps: int | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def instruction_sets() -> list[str]: ...
+
+@disjoint_base
 class Stepper:
     def __new__(cls, arm: Arm, step: float = 1e-3) -> Self: ...
     def reset(self, p: ArrayLike, q: ArrayLike | None = None, qd: ArrayLike | None = None) -> NDArray[np.float64]: ...
@@ -202,7 +255,6 @@ def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def linear_quadratic_gain(a: ArrayLike, b: ArrayLike, q: ArrayLike, r: ArrayLike) -> NDArray[np.float64]: ...
-def instruction_sets() -> list[str]: ...
 def simulate_batch(
     arms: Sequence[Arm],
     inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],

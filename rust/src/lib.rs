@@ -46,6 +46,7 @@ pub mod pneumatics;
 #[cfg(feature = "python")]
 mod python;
 pub mod real;
+pub mod sensitivity;
 pub mod simulate;
 pub mod table;
 pub mod virtual_arm;
@@ -54,3 +55,4 @@ pub mod virtual_arm;
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/effects.md")]
 struct Documentation;
+pub mod watch;

@@ -5,7 +5,7 @@ use crate::dynamics::Workspace;
 use crate::dynamics::recursion::ForwardDynamics;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
-use crate::effects::upstream::{History, Upstream};
+use crate::effects::upstream::History;
 use crate::input::{Cursor, Input};
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
@@ -57,39 +57,8 @@ struct Drive {
     cursor: Cursor,
 }
 
-/// Pressures of the inputs at `t` into `out`: of the only one, or lane by lane.
-#[inline(always)]
-fn read_pressures<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) {
-    if let [drive] = drives {
-        drive.input.read(t + drive.offset, before, &mut drive.cursor, out);
-        return;
-    }
-    let mut places = [(0, 0.0); MOST_LANES];
-    for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
-        *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
-    }
-    for (j, p) in out.iter_mut().enumerate() {
-        *p = T::from_lanes(|k| drives[k].input.pressure(places[k], j));
-    }
-}
-
-/// Forces of the inputs at `t` into `out`, likewise.
-#[inline(always)]
-fn read_forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T>]) {
-    let mut places = [(0, 0.0); MOST_LANES];
-    for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
-        *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
-    }
-    let last = drives.len() - 1;
-    for (i, f) in out.iter_mut().enumerate() {
-        for (c, f) in f.0.iter_mut().enumerate() {
-            *f = T::from_lanes(|k| drives[k.min(last)].input.force(places[k.min(last)], 3 * i + c));
-        }
-    }
-}
-
 impl<T: Real> Plant<T> {
-    /// The plant of `arm` under `input`, whose channels must be the arm's inputs; pressures are those in the bellows.
+    /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
         Self::abreast(arm, vec![(input, 0.0)])
     }
@@ -210,7 +179,7 @@ impl<T: Real> Plant<T> {
     fn commands_into(&mut self, t: f64, before: bool, out: &mut [T]) {
         match &self.held {
             Some(held) => out.copy_from_slice(held),
-            None => read_pressures(&mut self.drives, t, before, out),
+            None => commands(&mut self.drives, t, before, out),
         }
     }
 
@@ -221,7 +190,7 @@ impl<T: Real> Plant<T> {
         let again = self.read == (t, before);
         self.read = (t, before);
         if !again && self.has_forces() {
-            read_forces(&mut self.drives, t, before, &mut self.ws.external);
+            forces(&mut self.drives, t, before, &mut self.ws.external);
         }
         // Only pressures of chambers depend on the lengths; those that effects act on are predicted.
         if again && (self.chambers.is_none() || self.chain.is_some()) {
@@ -277,8 +246,49 @@ impl<T: Real> Plant<T> {
     }
 }
 
+/// Where each lane's input stands at `t`.
+#[inline(always)]
+fn places(drives: &mut [Drive], t: f64, before: bool) -> [(usize, f64); MOST_LANES] {
+    let mut places = [(0, 0.0); MOST_LANES];
+    for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
+        *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
+    }
+    places
+}
+
+/// The inputs' pressures at `t`.
+#[inline(always)]
+fn commands<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) {
+    let places = places(drives, t, before);
+    if let [drive] = drives {
+        for (j, p) in out.iter_mut().enumerate() {
+            *p = T::from_f64(drive.input.pressure(places[0], j));
+        }
+    } else {
+        for (j, p) in out.iter_mut().enumerate() {
+            *p = T::from_lanes(|k| drives[k].input.pressure(places[k], j));
+        }
+    }
+}
+
+/// The inputs' forces at `t`.
+#[inline(always)]
+fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T>]) {
+    let places = places(drives, t, before);
+    let single = drives.len() == 1;
+    for (i, f) in out.iter_mut().enumerate() {
+        for (c, f) in f.0.iter_mut().enumerate() {
+            *f = if single {
+                T::from_f64(drives[0].input.force(places[0], 3 * i + c))
+            } else {
+                T::from_lanes(|k| drives[k].input.force(places[k], 3 * i + c))
+            };
+        }
+    }
+}
+
 impl<T: Real> System<T> for Plant<T> {
-    #[inline(always)]
+    #[inline(never)] // one copy: the integrator calls it from several places
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
         self.step_end = t1;
         if !self.begun {
@@ -298,7 +308,7 @@ impl<T: Real> System<T> for Plant<T> {
         self.ws.effects.begin_step(&self.arm, t0, x0);
     }
 
-    #[inline(always)]
+    #[inline(never)] // one copy: the integrator calls it from several places
     fn end_step(&mut self, t1: f64, x1: &[T]) {
         self.ws.effects.end_step(&self.arm, t1, x1);
         match (&mut self.chain, &mut self.history) {
@@ -326,7 +336,7 @@ impl<T: Real> System<T> for Plant<T> {
         }
     }
 
-    #[inline(always)]
+    #[inline(never)] // one copy: the integrator calls it from several places
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
         self.ws.effects.time = t;
         let n = x.len() / 2;

@@ -44,14 +44,14 @@ def swing(arm: Arm, *, force: float = 10.0, free: float = 6.0) -> Schedule:
 
 def tilt(arm: Arm) -> Schedule:
     """Fig. 12: pressure of bellows 1 of section 1, then of all of section 1; the other sections are extended."""
-    return _corners(arm, [(1.0, 0.0, 0.0), (1.2, 0.55, 0.0), (4.0, 0.55, 0.0), (4.2, 0.55, 0.55), (7.0, 0.55, 0.55),
-                          (7.2, 0.0, 0.0), (10.0, 0.0, 0.0)])  # fmt: skip
+    return _corners(arm, [(1.0, 0.0, 0.0), (1.5, 0.45, 0.0), (4.0, 0.45, 0.0), (4.5, 0.45, 0.45), (7.0, 0.45, 0.45),
+                          (7.5, 0.0, 0.0), (10.0, 0.0, 0.0)])  # fmt: skip
 
 
 def tilt_of_one_bellows(arm: Arm) -> Schedule:
     """Fig. 13: section 1 is tilted by its bellows 1, there and back and there again."""
-    return _corners(arm, [(1.0, 0.0, 0.0), (1.2, 0.5, 0.0), (3.0, 0.5, 0.0), (3.2, 0.0, 0.0), (5.0, 0.0, 0.0),
-                          (6.0, 0.6, 0.0), (8.0, 0.6, 0.0)])  # fmt: skip
+    return _corners(arm, [(1.0, 0.0, 0.0), (1.4, 0.45, 0.0), (3.0, 0.45, 0.0), (3.4, 0.0, 0.0), (5.0, 0.0, 0.0),
+                          (6.0, 0.5, 0.0), (8.0, 0.5, 0.0)])  # fmt: skip
 
 
 def _corners(arm: Arm, corners: list[tuple[float, float, float]]) -> Schedule:

@@ -1,6 +1,6 @@
 """The virtual arm that the experiments measure, with its valves and sensors.
 
-It stands where the paper has Festo's arm, and is not the lumped model: half of every section's mass is spread along its
+It stands where the paper has Festo's arm, and is not the lumped model: part of every section's mass is spread along its
 arc, the material creeps, the bellows differ by some per cent, chamber pressures lag behind the commanded ones, bellows
 do work on their own change of length. Sensors sample every millisecond, with noise and quantisation.
 
@@ -42,9 +42,9 @@ class Body:
         force_model: how its bellows act.
     """
 
-    plate_share: float = 0.5
+    plate_share: float = 0.7
     slices: int = 8
-    creep: Sequence[tuple[float, float]] = ((0.05, 0.2), (0.06, 4.0))
+    creep: Sequence[tuple[float, float]] = ((0.03, 0.2), (0.05, 4.0))
     scatter: float = 0.02
     force_model: ForceModel = "work_conjugate"
 

@@ -1,7 +1,8 @@
 """Measured logs as identification sees them: channels with noise, usable rows, windows.
 
 A record holds what the model predicts (bellows lengths and head positions) beside what drives it. Rows where a measured
-pressure was frozen while the arm moved on are found and left out of residuals; the simulation still passes through them.
+pressure was frozen while the arm moved on are found and left out of residuals; the simulation still passes through
+them.
 """
 
 from __future__ import annotations
@@ -130,8 +131,8 @@ def record(
     kept = [place for place, channel in enumerate(possible) if channel in log and channel in wanted]
     if not kept:
         raise InputError(
-            f"{origin}: nothing to compare a simulation with; lengths (q11, ...) or head positions (x1, y1, z1, ...) are "
-            f"needed, the log has {', '.join(log.columns)}"
+            f"{origin}: nothing to compare a simulation with; lengths (q11, ...) or head positions (x1, y1, z1, ...) "
+            f"are needed, the log has {', '.join(log.columns)}"
         )
     drive = Input.from_log(arm, log)
     rows = _thinned(log.time, min_interval)

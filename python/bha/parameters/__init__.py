@@ -1,8 +1,8 @@
 """Parameter files: the TOML description of an arm, schema ``bha-arm/1``.
 
 ``provenance.py`` says where a value comes from, ``bellows.py``, ``section.py``, ``pneumatics.py``, ``effect.py`` and
-``arm.py`` are the tables of the file, ``messages.py`` turns what is wrong into errors a person can act on, ``document.py`` writes back
-without losing comments or order.
+``arm.py`` are the tables of the file, ``messages.py`` turns what is wrong into errors a person can act on,
+``document.py`` writes back without losing comments or order.
 """
 
 from bha.parameters.arm import SCHEMA, ArmParameters, ForceModel, StatedValue

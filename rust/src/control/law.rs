@@ -1,20 +1,24 @@
 //! Control laws: from lengths, rates and a target to a wanted actuation force tau, or straight to pressures.
 //!
 //! With e = q_ref - q, lengths q, and the model's M q'' + C q' + N = tau (paper (48)):
-//! - `pid`: each input by itself, on the mean length b of the bellows it feeds:
-//!   p = p_0 + k_p e_b + k_i int e_b + k_d e_b'. What a user has without a model.
-//! - `gravity_pd`: tau = N(q_ref, 0) + K_p e + K_d e' + K_i int e: weight, springs and bending of the target pose fed
-//! forward. - `static_model`: tau = N(q_c, 0) with q_c = q_ref + k_p e + k_i int e: the static coupled model (62),
-//! turned round at   a corrected pose. It knows no inertia and no damping.
-//! - `feedback_linearization`: tau = M a + C q' + N with a = q_ref'' + k_d e' + k_p e - a_d, the model in full or
-//! reduced as   the arm given says, a_d the observer's unexplained acceleration where wanted. The model is taken
-//!   at the measured state: the error then has no dynamics but a's, and the arm's own stiffness is cancelled with the
-//! model's;   or at the corrected reference (q_c, q_ref'), q_c = q_ref + r int e: the same along the reference, but the
-//! arm keeps its own   stiffness and damping against errors (feedforward linearization, Hagenmeyer & Delaleau, Int. J.
-//! Control 76 (2003) 537).   An arm whose bellows are stiff and whose stiffness is known to 10 % needs the latter: with
-//! k / m = (150 rad/s)^2   cancelled and k_p = (14 rad/s)^2 in its place, a force error of 1 % of the springs' is a
-//! large error in length. - `state_feedback`: p = p_0(q_ref) + K (x_ref - x), K from the linearization, p_0 by the
-//! static model.
+//!
+//! `pid`: each input by itself, on the mean length b of the bellows it feeds, p = p_0 + k_p e_b + k_i int e_b + k_d e_b'.
+//! What a user has without a model.
+//!
+//! `gravity_pd`: tau = N(q_ref, 0) + K_p e + K_d e' + K_i int e: weight, springs and bending of the target pose fed forward.
+//!
+//! `static_model`: tau = N(q_c, 0) with q_c = q_ref + k_p e + k_i int e: the static coupled model (62), turned round at a
+//! corrected pose. It knows no inertia and no damping.
+//!
+//! `feedback_linearization`: tau = M a + C q' + N with a = q_ref'' + k_d e' + k_p e - a_d, the model in full or reduced as
+//! the arm given says, a_d the observer's unexplained acceleration where wanted. The model is taken at the measured state:
+//! the error then has no dynamics but a's, and the arm's own stiffness is cancelled with the model's; or at the corrected
+//! reference (q_c, q_ref'), q_c = q_ref + r int e: the same along the reference, but the arm keeps its own stiffness and
+//! damping against errors (feedforward linearization, Hagenmeyer & Delaleau, Int. J. Control 76 (2003) 537). An arm whose
+//! bellows are stiff and whose stiffness is known to 10 % needs the latter: with k / m = (150 rad/s)^2 cancelled and
+//! k_p = (14 rad/s)^2 in its place, a force error of 1 % of the springs' is a large error in length.
+//!
+//! `state_feedback`: p = p_0(q_ref) + K (x_ref - x), K from the linearization, p_0 by the static model.
 //!
 //! Anti-windup: while an input is at a limit, an integral only moves towards zero. (`pid`: input by input.)
 //! Units: tau N; gains as their names say below.

@@ -71,7 +71,8 @@ impl<T: Real> FullFlows<T> {
     pub fn new(valve: &Pneumatics<T>, p: T) -> Self {
         let (b, temperature) = (valve.critical_ratio, valve.temperature);
         let (fill, fill_slope) = mass_flow(valve.supply_conductance, b, temperature, valve.supply_pressure, p);
-        let (mut vent, mut vent_slope) = mass_flow(valve.exhaust_conductance, b, temperature, valve.exhaust_pressure, p);
+        let (mut vent, mut vent_slope) =
+            mass_flow(valve.exhaust_conductance, b, temperature, valve.exhaust_pressure, p);
         if valve.has_vacuum {
             let zero = T::zero();
             let (drawn, drawn_slope) = mass_flow(valve.exhaust_conductance, b, temperature, valve.vacuum_pressure, p);

@@ -164,12 +164,18 @@ impl PyFleet {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(input(py, format!("dt: {dt}; a positive number of seconds is needed")));
         }
-        let mut fleet = self.fleet.try_lock().map_err(|_| busy(py, "fleet"))?;
-        let (count, width) = (fleet.count(), fleet.width());
-        let p = matrix(p, "p", (count, fleet.inputs()))?;
+        let (count, width, inputs) = {
+            let fleet = self.fleet.try_lock().map_err(|_| busy(py, "fleet"))?;
+            (fleet.count(), fleet.width(), fleet.inputs())
+        };
+        let p = matrix(p, "p", (count, inputs))?;
         let p = p.as_slice()?;
         let (mut failed, mut out) = (vec![false; count], vec![0.0; count * width]);
-        py.detach(|| fleet.step(p, dt, &mut failed, &mut out));
+        let done =
+            py.detach(|| self.fleet.try_lock().map(|mut fleet| fleet.step(p, dt, &mut failed, &mut out)).is_ok());
+        if !done {
+            return Err(busy(py, "fleet"));
+        }
         Ok((shaped(py, out, [count, width])?, failed.into_pyarray(py)))
     }
 }

@@ -4,6 +4,7 @@ mod arm;
 mod arrays;
 mod batch;
 mod control;
+mod derivatives;
 mod effects;
 mod errors;
 mod simulation;
@@ -31,6 +32,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
     m.add_function(wrap_pyfunction!(batch::instruction_sets, m)?)?;
+    m.add_class::<derivatives::Differentiator>()?;
+    m.add_function(wrap_pyfunction!(derivatives::sensitivities, m)?)?;
     m.add_function(wrap_pyfunction!(effects::effect_kinds, m)?)?;
     m.add_function(wrap_pyfunction!(effects::formula_fault, m)?)?;
     table::register(m)

@@ -106,8 +106,8 @@ pub trait Real:
         let r = self.sqrt().sqrt().sqrt().sqrt();
         let t = (r - 1.0) / (r + 1.0);
         let tt = t * t;
-        let mut sum = Self::from_f64(1.0 / 17.0);
-        for k in [15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0, 1.0] {
+        let mut sum = Self::from_f64(1.0 / 23.0);
+        for k in [21.0, 19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0, 1.0] {
             sum = sum * tt + 1.0 / k;
         }
         sum * t * 32.0

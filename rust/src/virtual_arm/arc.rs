@@ -102,9 +102,13 @@ impl ArcPoint {
 
         let w = Vector3::new(-v, u, 0.0);
         let w_t = Vector3::new(-v_t, u_t, 0.0);
-        let cross = w.cross_matrix();
-        let left_jacobian = Matrix3::identity() + b.value * cross + d.value * cross * cross;
-        let column = |e: Vector3<f64>| left_jacobian * e * fraction;
+        // 1 + x [w]x + y [w]x^2, applied to a vector.
+        let series = |x: f64, y: f64, e: Vector3<f64>| {
+            let once = w.cross(&e);
+            e + x * once + y * w.cross(&once)
+        };
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let left_jacobian = |e: Vector3<f64>| series(b.value, d.value, e);
         let turned = w.cross(&w_t);
 
         // d/dt and d2/dt2 of l c e, e being u, v or 1, c being b or a.
@@ -119,18 +123,18 @@ impl ArcPoint {
         let (z_t, z_tt) = product(1.0, 0.0, a.value, a_t, a_tt);
 
         Self {
-            rotation: Matrix3::identity() + a.value * cross + b.value * cross * cross,
+            rotation: Matrix3::from_columns(&axes.map(|e| series(a.value, b.value, e))),
             position: Vector3::new(u * b.value, v * b.value, a.value) * l,
             velocity: Vector3::new(x_t, y_t, z_t),
             bias: Vector3::new(x_tt, y_tt, z_tt),
-            angular_velocity: left_jacobian * w_t,
+            angular_velocity: left_jacobian(w_t),
             angular_bias: b_t * turned + d_t * w.cross(&turned) + d.value * w_t.cross(&turned),
             linear: [
                 Vector3::new(b.value + 2.0 * u * u * b.by_s, 2.0 * u * v * b.by_s, 2.0 * u * a.by_s) * (l * fraction),
                 Vector3::new(2.0 * u * v * b.by_s, b.value + 2.0 * v * v * b.by_s, 2.0 * v * a.by_s) * (l * fraction),
                 Vector3::new(u * b.value, v * b.value, a.value) * fraction,
             ],
-            angular: [column(Vector3::y()), column(-Vector3::x()), Vector3::zeros()],
+            angular: [left_jacobian(axes[1]) * fraction, left_jacobian(-axes[0]) * fraction, Vector3::zeros()],
         }
     }
 }

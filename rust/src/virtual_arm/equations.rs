@@ -4,10 +4,10 @@
 //! virtual work of `docs/model.md`; a positive force lengthens.
 
 use super::arc::ArcPoint;
-use super::frame::Frame;
+use super::frame::{Frame, product, times};
 use super::{Bellows, Section, VirtualArm};
 use crate::parameters::ForceModel;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Inertia matrix and generalized force (everything but M x'') on (u, v, l) of all sections.
 pub struct Equations {
@@ -45,14 +45,15 @@ impl Equations {
     /// Adds a rigid body in `frame`, with principal moments of inertia along its axes.
     fn add_body(&mut self, frame: &Frame, mass: f64, inertia: &Vector3<f64>, gravity: &Vector3<f64>) {
         let r = &frame.rotation;
-        let tensor = r * nalgebra::Matrix3::from_diagonal(inertia) * r.transpose();
+        let scaled = Matrix3::from_columns(&[0, 1, 2].map(|k| r.column(k) * inertia[k]));
+        let tensor = product(&scaled, &r.transpose());
         let w = &frame.angular_velocity;
         let force = mass * (gravity - frame.bias);
-        let torque = -(tensor * frame.angular_bias + w.cross(&(tensor * w)));
+        let torque = -(times(&tensor, &frame.angular_bias) + w.cross(&times(&tensor, w)));
         let columns = frame.linear.iter().zip(&frame.angular);
         for (c, (linear, angular)) in columns.clone().enumerate() {
             self.force[c] += linear.dot(&force) + angular.dot(&torque);
-            let (momentum, spin) = (mass * linear, tensor * angular);
+            let (momentum, spin) = (mass * linear, times(&tensor, angular));
             // The upper triangle; the rest follows at the end.
             let mut column = self.inertia.column_mut(c);
             for (entry, (linear, angular)) in column.iter_mut().zip(columns.clone().take(c + 1)) {
@@ -118,10 +119,10 @@ impl VirtualArm {
                     }
                     ForceModel::EndForce => {
                         let place = Vector3::new(b.x, b.y, 0.0);
-                        let at_head = head.rotation * place;
+                        let at_head = times(&head.rotation, &place);
                         out.add_force(&head, &at_head, &(head.rotation.column(2) * force));
                         // (27) takes the reaction at the contact point of the head below, on that head's own radius.
-                        let at_below = below.rotation * place * (radius_below / section.radius);
+                        let at_below = times(&below.rotation, &place) * (radius_below / section.radius);
                         out.add_force(&below, &at_below, &(below.rotation.column(2) * -force));
                     }
                 }
