@@ -1,5 +1,7 @@
 //! Many steppers abreast: one arm, held pressures, in the lanes of the processor and over its cores.
 //!
+//! Effects that depend on time itself (formulas with t) see the time since the step's beginning.
+//!
 //! For learning: thousands of environments that are stepped together and reset one by one. A lane that diverges is put back to
 //! rest and reported; the others do not notice. Every environment is computed by itself, so the result does not depend on
 //! the number of threads.
@@ -222,9 +224,10 @@ impl<T: Real> Kernel for Step<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let end = self.integrator.time() + self.dt;
+        // Every step begins at time 0, so that its rounding does not depend on how long the others have been going.
+        self.integrator.set_time(0.0);
         // Nothing is refused (see Guard), and a fixed step has no other way to fail.
-        let _ = self.integrator.run(self.guard, &[end], &mut |_, _| {}, &mut || false);
+        let _ = self.integrator.run(self.guard, &[self.dt], &mut |_, _| {}, &mut || false);
     }
 }
 

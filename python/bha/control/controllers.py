@@ -80,8 +80,8 @@ class Pid(Controller):
     """
 
     proportional: float = 1.0
-    integral: float = 6.0
-    derivative: float = 0.02
+    integral: float = 10.0
+    derivative: float = 0.04
     lead_time: float | None = field(default=0.0, kw_only=True)
 
     def law(self) -> dict[str, Any]:
@@ -108,9 +108,9 @@ class GravityPd(Controller):
         derivative: s, multiple of the stiffness.
     """
 
-    proportional: float = 0.6
-    integral: float = 0.0
-    derivative: float = 0.05
+    proportional: float = 1.0
+    integral: float = 0.5
+    derivative: float = 0.03
 
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
@@ -133,7 +133,7 @@ class StaticModel(Controller):
     """
 
     proportional: float = 0.0
-    integral: float = 0.6
+    integral: float = 0.3
 
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
@@ -159,9 +159,9 @@ class FeedbackLinearization(Controller):
 
     dynamics: Literal["full", "reduced"] = "full"
     at: Literal["reference", "measured"] = "reference"
-    bandwidth: float = 14.0
+    bandwidth: float = 20.0
     damping_ratio: float = 1.0
-    integral_rate: float = 2.0
+    integral_rate: float = 3.0
     compensate_disturbance: bool = False
 
     def model(self) -> Arm:
@@ -200,8 +200,8 @@ class LinearQuadraticRegulator(Controller):
 
     pose: ArrayLike | None = None
     length_scale: float = 2e-3
-    rate_scale: float = 5e-2
-    pressure_scale: float = 5e3
+    rate_scale: float = 0.2
+    pressure_scale: float = 3e3
     period: float = 1e-3
 
     def gain(self) -> NDArray[np.float64]:

@@ -90,7 +90,7 @@ def simulate_closed_loop(
     sensors: Sensors | None = None,
     q0: ArrayLike | None = None,
     p0: ArrayLike | None = None,
-    step: float = 1e-3,
+    step: float | None = None,
     decimation: int = 1,
 ) -> ClosedLoopRun:
     """Let a controller lead a plant along a reference.
@@ -109,7 +109,7 @@ def simulate_closed_loop(
         q0: initial lengths (3n,), m; None: at rest under ``p0``.
         p0: initial pressures (inputs,), Pa absolute; None: those under which the plant rests nearest to the reference's
             first lengths.
-        step: longest step of RK4 inside a period, s.
+        step: longest step of RK4 inside a period, s; None: 1 ms, or less where the plant is so stiff that it needs it.
         decimation: periods between two rows of the record.
 
     Returns:

@@ -13,6 +13,17 @@ if TYPE_CHECKING:
     from bha.arm import Arm
 
 
+def stable_step(arm: Arm, p: ArrayLike | None = None) -> float:
+    """Longest step with which RK4 is stable around rest under pressures ``p`` (ambient if None), with some reserve, s.
+
+    RK4 is stable where step times the fastest eigenvalue of the linearized arm is below about 2.8; this is 2.
+    """
+    p = np.full(len(arm.inputs), arm.parameters.ambient_pressure) if p is None else np.asarray(p, dtype=np.float64)
+    q = arm.static_lengths(p)
+    a, _ = _core.linearize(arm, q, np.zeros_like(q), p)
+    return float(2.0 / np.abs(np.linalg.eigvals(a)).max())
+
+
 class Stepper(_core.Stepper):
     """A plant for hardware-in-the-loop: ``reset``, then ``step(p, dt)`` again and again.
 
@@ -23,14 +34,16 @@ class Stepper(_core.Stepper):
     __slots__ = ("_arm",)
     _arm: Arm
 
-    def __new__(cls, arm: Arm, step: float = 1e-3) -> Stepper:
-        """A plant of ``arm``, integrated by RK4 with steps of at most ``step`` s; at rest under ambient pressure.
+    def __new__(cls, arm: Arm, step: float | None = None) -> Stepper:
+        """A plant of ``arm``, at rest under ambient pressure, integrated by RK4 with steps of at most ``step`` s.
+
+        Without ``step`` it is 1 ms, or what :func:`stable_step` gives, if that is less.
 
         Raises:
             InputError: a step that is not positive.
             ConvergenceError: the arm has no rest under ambient pressure.
         """
-        self = super().__new__(cls, arm, step)
+        self = super().__new__(cls, arm, min(1e-3, stable_step(arm)) if step is None else step)
         self._arm = arm
         return self
 

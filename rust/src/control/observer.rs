@@ -1,7 +1,7 @@
 //! Rates of the lengths from length sensors, since real arms measure lengths and pressures only.
 //!
-//! `kalman`: prediction by the full model under the measured pressures (one evaluation a period, at the lengths half a
-//! period ahead), correction by a steady-state gain from the linearization at a working point (exact derivatives,
+//! `kalman`: prediction by the full model under the measured pressures (steps short against its fastest
+//! motion, one a period for the nominal arm at 1 kHz; one evaluation each, at the lengths half a step ahead), correction by a steady-state gain from the linearization at a working point (exact derivatives,
 //! [`super::linearization`]; Riccati equation, [`super::riccati`]), renewed at the present estimate every so many
 //! periods if wanted. Beside lengths and rates it estimates a slowly wandering acceleration that the model does not
 //! explain (a random walk), so that a wrong model biases that and not the rates.
@@ -43,6 +43,9 @@ pub enum ObserverParameters {
     },
 }
 
+/// Most evaluations of the model a period: beyond, the arm is too stiff for its control period anyway.
+const MOST_SUBSTEPS: usize = 50;
+
 /// An observer under way.
 #[derive(Clone, Debug)]
 pub struct Observer {
@@ -60,6 +63,8 @@ pub struct Observer {
     acceleration: Vec<f64>,
     started: bool,
     since_renewal: u32,
+    /// Evaluations of the model a period.
+    substeps: usize,
     time: f64,
 }
 
@@ -103,6 +108,7 @@ impl Observer {
             acceleration: vec![0.0; m],
             started: false,
             since_renewal: 0,
+            substeps: 1,
             time: 0.0,
             arm,
         })
@@ -190,17 +196,21 @@ impl Observer {
         }
         let (q, rest) = self.estimate.split_at_mut(m);
         let (qd, disturbance) = rest.split_at_mut(m);
-        for k in 0..m {
-            self.middle[k] = q[k] + 0.5 * h * qd[k];
+        let h = h / self.substeps as f64;
+        for step in 0..self.substeps {
+            for k in 0..m {
+                self.middle[k] = q[k] + 0.5 * h * qd[k];
+            }
+            self.ws.effects.time = self.time + (step as f64 + 0.5) * h;
+            let (arm, p, ws) = (&self.arm, &self.pressures, &mut self.ws);
+            forward_dynamics_into(arm, &self.middle, qd, p, None, ws, &mut self.acceleration);
+            for k in 0..m {
+                let before = qd[k];
+                qd[k] += h * (self.acceleration[k] + disturbance[k]);
+                q[k] += 0.5 * h * (before + qd[k]);
+            }
         }
-        self.ws.effects.time = self.time + 0.5 * h;
-        forward_dynamics_into(&self.arm, &self.middle, qd, &self.pressures, None, &mut self.ws, &mut self.acceleration);
-        for k in 0..m {
-            let before = qd[k];
-            qd[k] += h * (self.acceleration[k] + disturbance[k]);
-            q[k] += 0.5 * h * (before + qd[k]);
-        }
-        self.time += h;
+        self.time += self.period;
         self.ws.effects.end_step(&self.arm, self.time, &self.estimate[..2 * m]);
         self.pressures.copy_from_slice(pressures);
     }
@@ -214,6 +224,9 @@ impl Observer {
         };
         let (m, h) = (self.previous.len(), self.period);
         let linear = linearize(&self.arm, self.lengths(), self.rates(), &self.pressures);
+        // The prediction is explicit: its steps must be short against the arm's fastest motion, damping included.
+        let fastest = linear.state.complex_eigenvalues().iter().fold(0.0_f64, |m, z| m.max(z.norm()));
+        self.substeps = ((h * fastest).ceil() as usize).clamp(1, MOST_SUBSTEPS);
         let (a_d, b_d) = linear.discretized(h);
         let mut a = DMatrix::identity(3 * m, 3 * m);
         a.view_mut((0, 0), (2 * m, 2 * m)).copy_from(&a_d);

@@ -128,6 +128,12 @@ impl<T: Real> Integrator<T> {
         &mut self.x
     }
 
+    /// Calls the present time `t`.
+    pub fn set_time(&mut self, t: f64) {
+        self.t_before += t - self.t;
+        self.t = t;
+    }
+
     /// Runs to the last of `outputs` (ascending) and hands (time, state) at each to `sink`. `stop` is asked now and then.
     ///
     /// # Errors
