@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
 import numpy as np
@@ -28,18 +26,20 @@ class Laboratory:
         *,
         seed: int = 2015,
         hold: float = 2.0,
+        swing_time: float = 6.0,
         note: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Name the arm's seed and how long a pose is held.
+        """Name the arm's seed and how long measurements take.
 
         Args:
             seed: of the bellows' scatter and the sensors' noise.
             hold: how long each pose of the static measurements is held, s.
+            swing_time: how long a swing is recorded, s.
             note: told what is being measured or identified.
         """
         self.design = robots.load("bha_nominal")
         self.real = VirtualArm(self.design, seed=seed)
-        self.hold = hold
+        self.hold, self.swing_time = hold, swing_time
         self.note = note
         #: Steps of the virtual arm's integration, s: creeping along in the static measurements, faster in the others.
         self.static_step, self.dynamic_step = 1e-3, 5e-4
@@ -53,26 +53,18 @@ class Laboratory:
     @cached_property
     def bending(self) -> list[tuple[Schedule, Log]]:
         """Fig. 9: one staircase for each section."""
-        sections = range(1, self.design.section_count + 1)
-
-        def measure(section: int) -> tuple[Schedule, Log]:
-            schedule = schedules.bending(self.design, section, hold=self.hold)
-            return schedule, self._measure(f"bending of section {section}", schedule, 10 + section, self.static_step)
-
-        # The core runs without Python's lock; results do not depend on the number of threads.
-        with ThreadPoolExecutor(os.cpu_count()) as threads:
-            return list(threads.map(measure, sections))
+        return [self.measure_bending(section) for section in range(1, self.design.section_count + 1)]
 
     @cached_property
     def swing(self) -> tuple[float, Log]:
         """Fig. 10: time of the release and the log."""
-        schedule = schedules.swing(self.design)
+        schedule = schedules.swing(self.design, free=self.swing_time)
         return float(schedule.time[1]), self._measure("lateral swing", schedule, 2)
 
     @cached_property
     def second_swing(self) -> tuple[float, Log]:
         """Fig. 14: another swing than the one that the damping was identified from."""
-        schedule = schedules.swing(self.design, force=7.0)
+        schedule = schedules.swing(self.design, force=7.0, free=self.swing_time)
         return float(schedule.time[1]), self._measure("second lateral swing", schedule, 3)
 
     @cached_property
@@ -150,6 +142,11 @@ class Laboratory:
             input_names=self.weighed.inputs,
             arm_name="virtual arm",
         )
+
+    def measure_bending(self, section: int) -> tuple[Schedule, Log]:
+        """The staircase that bends one section, counted from 1."""
+        schedule = schedules.bending(self.design, section, hold=self.hold)
+        return schedule, self._measure(f"bending of section {section}", schedule, 10 + section, self.static_step)
 
     def _measure(self, what: str, schedule: Schedule, number: int, step: float | None = None) -> Log:
         self.note(f"measuring: {what}")

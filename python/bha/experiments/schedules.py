@@ -35,7 +35,7 @@ def bending(arm: Arm, section: int, *, hold: float = 2.0, ramp: float = 1.0) -> 
 
 def swing(arm: Arm, *, force: float = 10.0, free: float = 6.0) -> Schedule:
     """Fig. 10: a force along x at the tool loses contact; pressures stay as they are."""
-    time = np.array([0.0, 2.0, 2.0, 2.0 + free])
+    time = np.array([0.0, 0.5, 0.5, 0.5 + free])
     forces = np.zeros((4, arm.section_count, 3))
     forces[:2, -1, 0] = force
     levels = np.full((4, len(arm.inputs)), 0.3)

@@ -65,6 +65,7 @@ struct Section {
     plate_mass: f64,
     plate_inertia: Vector3<f64>,
     plate_center: Vector3<f64>,
+    force_point: Vector3<f64>,
     distributed: Distributed,
     radius: f64,
     base_offset: f64,
@@ -92,6 +93,10 @@ impl VirtualArm {
     /// [`Error::Parameter`] and [`Error::Input`] for values that are not allowed.
     pub fn new(parameters: &ArmParameters, distributed: &[Distributed], creep: &[Creep]) -> Result<Self> {
         Arm::new(parameters)?;
+        if !parameters.effect.is_empty() {
+            let text = "a virtual arm has no effects of the model; what it does beyond the model is given by its body";
+            return Err(Error::Input(text.to_owned()));
+        }
         if !(parameters.rotational_energy && parameters.coriolis_forces) {
             let text =
                 "a virtual arm cannot leave out rotational energy or Coriolis forces; it stands for the real arm";
@@ -120,6 +125,7 @@ impl VirtualArm {
             plate_mass: p.mass,
             plate_inertia: Vector3::from(p.inertia),
             plate_center: Vector3::from(p.center_of_mass),
+            force_point: Vector3::from(p.force_point.unwrap_or(p.center_of_mass)),
             distributed: *d,
             radius: p.bellows_radius,
             base_offset: p.base_offset,
