@@ -17,15 +17,14 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := $(BIN)/python -m pip --quiet
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint bench wheel experiments blind clean
+.PHONY: help demo test lint bench wheel experiments clean
 
 help: ## List what there is
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "  PYTHON=python3.12 chooses the interpreter of a new .venv; OUT=folder where demo writes."
 
-demo: $(VENV)/.ready-blind ## The paper's tilt (Fig. 12), full against reduced model; then a hidden effect found and named
+demo: $(VENV)/.ready-all ## The paper's tilt (Fig. 12), full against reduced model: table, pictures, trajectory
 	$(BIN)/python examples/tilt.py --out $(OUT)
-	$(BIN)/python examples/diagnose_story.py --out $(OUT)
 
 test: $(VENV)/.ready-dev ## All tests, Rust and Python
 	@if cargo nextest --version >/dev/null 2>&1; then \
@@ -55,15 +54,6 @@ wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it
 
 experiments: $(VENV)/.ready-all ## The paper's experiments again: docs/experiments.md
 	$(BIN)/bha experiment all --out docs
-
-# BLIND_SUBSET=report is for reporting, tune for tuning; BLIND_SEED makes a new plan of the same kind. Goes on where it stopped.
-BLIND_SUBSET ?= report
-BLIND_SEED ?= 1
-BLIND_CASES ?=
-blind: $(VENV)/.ready-blind ## Diagnosis of hidden effects, blind
-	cd benches/blind && $(CURDIR)/$(BIN)/python -m blindgen all --subset $(BLIND_SUBSET) --seed $(BLIND_SEED) \
-	  $(if $(BLIND_CASES),--cases $(BLIND_CASES)) --out $(abspath $(OUT))/blind \
-	  --product '$(CURDIR)/$(BIN)/bha diagnose {arm} {train} --holdout {holdout} --out {out} --no-report --threads 1'
 
 clean: ## Remove all that was built: .venv, target, out, dist and caches
 	rm -rf $(VENV) target out dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks

@@ -17,6 +17,7 @@ fn arm(sections: usize) -> Arm {
         mass: 0.6,
         inertia: [0.004, 0.004, 0.0043],
         center_of_mass: [0.0; 3],
+        force_point: None,
         bellows_radius: 0.093,
         base_offset: 0.0,
         head_offset: 0.0,
@@ -43,6 +44,7 @@ fn arm(sections: usize) -> Arm {
         coriolis_forces: true,
         inputs: (0..3 * sections).map(|k| format!("p{k}")).collect(),
         section: (0..sections).map(section).collect(),
+        pneumatics: None,
         effect: Vec::new(),
     })
     .expect("the parameters are valid")

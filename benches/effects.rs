@@ -12,8 +12,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 fn arm(effects: &Value) -> Arc<Arm> {
-    let oracle: Value = serde_json::from_str(include_str!("../tests/data/oracle.json")).unwrap();
-    let mut arms: Vec<ArmParameters> = oracle["arms"]
+    let packed = include_bytes!("../tests/data/oracle_cases.json.gz").as_slice();
+    let oracle: Value = serde_json::from_reader(flate2::read::GzDecoder::new(packed)).unwrap();
+    let mut arms: Vec<ArmParameters> = oracle["core_parameters"]
         .as_object()
         .unwrap()
         .values()

@@ -15,10 +15,11 @@ use std::time::Instant;
 fn nominal() -> Arm {
     #[derive(serde::Deserialize)]
     struct Oracle {
-        arms: HashMap<String, ArmParameters>,
+        core_parameters: HashMap<String, ArmParameters>,
     }
-    let oracle: Oracle = serde_json::from_str(include_str!("../tests/data/oracle.json")).unwrap();
-    Arm::new(oracle.arms.values().find(|a| a.section.len() == 3).expect("an arm of three sections")).unwrap()
+    let packed = include_bytes!("../tests/data/oracle_cases.json.gz").as_slice();
+    let oracle: Oracle = serde_json::from_reader(flate2::read::GzDecoder::new(packed)).unwrap();
+    Arm::new(oracle.core_parameters.values().find(|a| a.section.len() == 3).expect("an arm of three sections")).unwrap()
 }
 
 /// Seconds of one call of `f`: the shortest of many short rounds, which other work on the machine disturbs least.

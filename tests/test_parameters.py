@@ -94,6 +94,7 @@ def test_core_json_is_complete_and_says_what_the_file_says() -> None:
         "mass": 0.4,
         "inertia": [2e-3, 2e-3, 3e-3],
         "center_of_mass": [0, 0, 0],
+        "force_point": None,
         "bellows_radius": 0.1,
         "base_offset": 0,
         "head_offset": 0,

@@ -4,7 +4,6 @@ from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
 from bha.batch import Batch, simulate_batch
-from bha.diagnose import diagnose
 from bha.errors import (
     BhaError,
     ConvergenceError,
@@ -39,7 +38,6 @@ __all__ = [
     "Trajectory",
     "TrajectoryWriter",
     "__version__",
-    "diagnose",
     "robots",
     "simulate",
     "simulate_batch",

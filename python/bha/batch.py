@@ -75,8 +75,8 @@ def simulate_batch(
 
     ``arms``, ``inputs``, ``x0``, ``start`` and ``times`` are each one for all members or one a member; the longest says
     how many members there are. A member may be a window: its own start, initial state and output times. The result does
-    not depend on ``threads``. Members with the same output times after their start are computed abreast, in the lanes of the
-    processor's vector registers; they agree with single simulations to rounding (1e-12).
+    not depend on ``threads``. Members with the same output times after their start are computed abreast,
+    in the lanes of the processor's vector registers; they agree with single simulations to rounding (1e-12).
 
     Args:
         arms: the arms; all need the same number of sections and of inputs.

@@ -63,23 +63,19 @@ pub fn with_tangents<const N: usize, T: Real>(arm: &Arm, tangents: &[&[f64]]) ->
     rebuilt(arm, |i| Dual::seeded(values[i], |d| tangents.get(d).map_or(0.0, |t| t[i])))
 }
 
-/// The derivative of all numbers along a path of arms of one structure: `at(x)` is the arm at `x`, `reach` the distance in
-/// which it is smooth. None if some arm on the way does not exist.
+/// `sum_i weights[i] arms[i]`, number by number: with weights of differences, the derivative of an arm's numbers along a
+/// path of arms. None if the arms are not of one structure.
 ///
-/// Differences of order 8 of a map that takes parameters to numbers (products, quotients, a few sines): good to about
-/// 1e-12 of the largest number's own size over `reach`.
-pub fn tangent(at: impl Fn(f64) -> Option<Arm>, x: f64, reach: f64) -> Option<Vec<f64>> {
-    const WEIGHTS: [f64; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
-    let mut sum: Vec<f64> = Vec::new();
-    for (k, w) in WEIGHTS.into_iter().enumerate() {
-        let step = reach * (k as f64 + 1.0);
-        let (above, below) = (at(x + step)?, at(x - step)?);
-        let difference = numbers(&above).into_iter().zip(numbers(&below)).map(|(a, b)| w * (a - b) / reach);
-        if sum.is_empty() {
-            sum = difference.collect();
-        } else {
-            sum.iter_mut().zip(difference).for_each(|(s, d)| *s += d);
-        }
+/// Numbers of an arm are products, quotients and a few sines of its parameters; differences of order 8 give their
+/// derivatives to about 1e-12.
+pub fn tangent(arms: &[&Arm], weights: &[f64]) -> Option<Vec<f64>> {
+    let first = *arms.first()?;
+    if !arms.iter().all(|a| same_structure(first, a)) {
+        return None;
+    }
+    let mut sum = vec![0.0; numbers(first).len()];
+    for (arm, w) in arms.iter().zip(weights) {
+        sum.iter_mut().zip(numbers(arm)).for_each(|(s, x)| *s += w * x);
     }
     Some(sum)
 }

@@ -193,7 +193,9 @@ def physical_range(path: str) -> tuple[float, float]:
     return _RANGES.get(key, (-math.inf, math.inf))
 
 
-def typical_scale(parameters: ArmParameters, path: str, value: float) -> float:
+def typical_scale(  # noqa: PLR0911  (a table of cases)
+    parameters: ArmParameters, path: str, value: float
+) -> float:
     """A change of the number at a path that makes a visible difference: the unit of its coordinate z."""
     key, steps = paths.key_of(path), path.split(".")
     if key == "center_of_mass":

@@ -51,7 +51,7 @@ class Prediction:
 
     @property
     def head_rms(self) -> dict[int, float]:
-        """Root mean square distance between measured and predicted head, m, for each section whose head was measured."""
+        """Root mean square distance of measured and predicted head, m, for each section whose head was measured."""
         squares: dict[int, float] = {}
         for channel, rms in zip(self.record.channels, self.rms, strict=True):
             quantity = names.quantity(channel)
@@ -60,7 +60,9 @@ class Prediction:
         return {section: float(np.sqrt(square)) for section, square in squares.items()}
 
 
-def predict(arm: Arm, records: Sequence[Record], *, step: float = 2.5e-3, threads: int | None = None) -> list[Prediction]:
+def predict(
+    arm: Arm, records: Sequence[Record], *, step: float = 2.5e-3, threads: int | None = None
+) -> list[Prediction]:
     """Predict whole records with an arm; the initial state of each is estimated from its first second.
 
     A simulation that fails is reported in its place.
@@ -94,7 +96,9 @@ def _start_states(model: Model, guesses: Array) -> Array:
             (np.zeros(0), np.ones(0)),
         )
         try:
-            states[k] = solve(problem, Point(np.zeros(0), guesses[k : k + 1]), max_iterations=6, tolerance=1e-3).point.states[0]
+            states[k] = solve(
+                problem, Point(np.zeros(0), guesses[k : k + 1]), max_iterations=6, tolerance=1e-3
+            ).point.states[0]
         except ConvergenceError:
             continue
     return states

@@ -1,4 +1,4 @@
-"""Which parameters, and which combinations of them, the data cannot tell: from the Fisher information's small eigenvalues.
+"""Which parameters, and combinations of them, the data cannot tell: from the Fisher information's small eigenvalues.
 
 The information is that on the coordinates z of ``bha.identify.free``, so that an eigenvector with two entries of equal
 sign on a logarithmic scale says that raising both numbers by the same factor changes nothing that was measured: only
@@ -77,7 +77,9 @@ def _combination(coordinates: Sequence[Coordinate], vector: Array, deviation: fl
     elif logarithmic and all(vector[k] > 0.5 * vector[members[0]] for k in members):
         text = f"{joined(names)}: only their ratios"
     else:
-        changes = [f"{n} by {_change(c, vector[k] / vector[members[0]])}" for n, c, k in zip(names, some, members, strict=True)]
+        changes = [
+            f"{n} by {_change(c, vector[k] / vector[members[0]])}" for n, c, k in zip(names, some, members, strict=True)
+        ]
         text = f"{joined(names)}: not all of them; changing {joined(changes)} together leaves no trace"
     return Combination(text, tuple(c.name for c in some), vector, deviation)
 

@@ -2,7 +2,8 @@
 
 The guess only has to lie in the right valley: initial states are estimated with the parameters. A parabola through the
 measurements around the start gives positions and rates of the channels; lengths and rates follow from those by least
-squares on the forward kinematics, drawn weakly to the pose that the pressures hold (which decides what is not measured).
+squares on the forward kinematics, drawn weakly to the pose that the pressures hold (which decides what is not
+measured).
 """
 
 from __future__ import annotations

@@ -1,11 +1,13 @@
 """Measured logs as identification sees them: channels with noise, usable rows, windows.
 
 A record holds what the model predicts (bellows lengths and head positions) beside what drives it. Rows where a measured
-pressure was frozen while the arm moved on are found and left out of residuals; the simulation still passes through them.
+pressure was frozen while the arm moved on are found and left out of residuals; the simulation still passes through
+them.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -130,8 +132,8 @@ def record(
     kept = [place for place, channel in enumerate(possible) if channel in log and channel in wanted]
     if not kept:
         raise InputError(
-            f"{origin}: nothing to compare a simulation with; lengths (q11, ...) or head positions (x1, y1, z1, ...) are "
-            f"needed, the log has {', '.join(log.columns)}"
+            f"{origin}: nothing to compare a simulation with; lengths (q11, ...) or head positions (x1, y1, z1, ...) "
+            f"are needed, the log has {', '.join(log.columns)}"
         )
     drive = Input.from_log(arm, log)
     rows = _thinned(log.time, min_interval)
@@ -197,7 +199,7 @@ def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 
         pieces = 1 if length is None else max(1, round(rec.duration / length))
         edges = np.searchsorted(rec.time, np.linspace(rec.time[0], rec.time[-1], pieces + 1))
         edges[-1] = len(rec)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in itertools.pairwise(edges):
             if last - first >= min_rows and rec.usable[first:last].any():
                 made.append(Window(number, int(first), int(last)))
     if not made:

@@ -158,7 +158,9 @@ def refine(
         label = "whole logs" if length is None else f"windows of {length:g} s"
 
         def report(iteration: int, cost: float, number: int = number, label: str = label) -> None:
-            tell(f"{label}, step {iteration + 1}, loss {cost:.4g}", (number + 1.0 - 0.75**iteration) / (len(stages) + 1))
+            tell(
+                f"{label}, step {iteration + 1}, loss {cost:.4g}", (number + 1.0 - 0.75**iteration) / (len(stages) + 1)
+            )
 
         staged = replace(model, records=tuple(r.thinned(interval) for r in model.records))
         if final and problem is not None and outcome is not None:
@@ -184,6 +186,7 @@ def refine(
             # What was fine enough at the start need not be at the end, where frequencies are others.
             finer = 0.5
             stages.append((length, 0.0, None))
+    assert problem is not None
     assert outcome is not None
     tell("standard errors", len(stages) / (len(stages) + 1))
     try:
@@ -244,7 +247,9 @@ def _stage_problem(
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
     """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
     arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
-    return np.stack([guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces])
+    return np.stack(
+        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
+    )
 
 
 def scales(problem: Problem, point: Point) -> Residuals:

@@ -105,9 +105,9 @@ def _strongest_input(
                 a, b = error[:, channel], pressure - pressure.mean()
                 good = np.isfinite(a)
                 a, b = a[good] - (a[good].mean() if good.any() else 0.0), b[good]
-                pairs = [pairs[0] + a @ b, pairs[1] + a @ a, pairs[2] + b @ b]
+                pairs = [pairs[0] + float(a @ b), pairs[1] + float(a @ a), pairs[2] + float(b @ b)]
             if pairs[1] > 0 and pairs[2] > 0:
-                correlation = abs(float(pairs[0])) / float(np.sqrt(pairs[1] * pairs[2]))
+                correlation = abs(pairs[0]) / float(np.sqrt(pairs[1] * pairs[2]))
                 if correlation > best[1]:
                     best = (name, correlation)
     return best

@@ -1,4 +1,4 @@
-"""What identification comes back with: estimates with intervals, what is not known, what is left, the parameter file."""
+"""What identification gives back: estimates with intervals, what is not known, what is left, the parameter file."""
 
 from __future__ import annotations
 
@@ -130,7 +130,8 @@ def identification(start: Arm, refinement: Refinement, held_out: Sequence[Record
     """Judge a refinement: what is known, what is left, how well held-out logs are predicted."""
     coordinates, known = refinement.coordinates, refinement.uncertainty
     count = len(coordinates)
-    correlation, unknown = np.full((count, count), np.nan), ()
+    correlation = np.full((count, count), np.nan)
+    unknown: tuple[Combination, ...] = ()
     identified = [False] * count
     if known is not None:
         deviations = np.sqrt(np.diag(known.covariance))
@@ -226,8 +227,9 @@ def _warnings(
         worst = max(large, key=lambda r: r.rms / r.noise)
         said.append(
             f"the fit leaves more than the sensors' noise in {len(large)} of {len(residuals)} channels (most in "
-            f"{worst.channel} of {worst.record}: {1e3 * worst.rms:.2g} mm, noise {1e3 * worst.noise:.2g} mm): the model "
-            "lacks physics there, and the intervals are those of the best parameters of a model that is not quite right"
+            f"{worst.channel} of {worst.record}: {1e3 * worst.rms:.2g} mm, noise {1e3 * worst.noise:.2g} mm): the "
+            "model lacks physics there, and the intervals are those of the best parameters of a model that is not "
+            "quite right"
         )
     return said
 
@@ -255,13 +257,13 @@ def _with_provenance(
             marked[id(table)].add(key)
             note = "" if estimate.identified else f"not told by these logs: {spoken(member)}"
             if place is None:
-                entry[key] = _entry(estimate.identified, [low, high], abs(estimate.standard_error * factor), references, note)
+                entry[key] = _entry(
+                    estimate.identified, [low, high], abs(estimate.standard_error * factor), references, note
+                )
                 continue
             values = table[key]
             if fresh or not isinstance(old, dict):
-                old = _entry(
-                    estimate.identified, [[v, v] for v in values], [0.0] * len(values), references, note
-                )
+                old = _entry(estimate.identified, [[v, v] for v in values], [0.0] * len(values), references, note)
             elif note:
                 old = {**old, "source": "; ".join(filter(None, [old.get("source", ""), note]))}
             old["ci95"][place] = [low, high]
@@ -270,9 +272,7 @@ def _with_provenance(
     return parameters.updated(mapping)
 
 
-def _entry(
-    identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str
-) -> dict[str, Any]:
+def _entry(identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str) -> dict[str, Any]:
     entry: dict[str, Any] = {"status": "identified" if identified else "assumed"}
     if note:
         entry["source"] = note
@@ -297,5 +297,3 @@ def _held_out_summary(held: HeldOut) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-

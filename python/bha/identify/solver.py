@@ -142,7 +142,8 @@ class Normal:
         h_state = self.h_state.copy()
         diagonal = np.arange(h_state.shape[1])
         h_state[:, diagonal, diagonal] *= 1.0 + damping
-        return np.linalg.solve(h_state, (self.g_state - self.h_mixed @ dz)[..., None])[..., 0]
+        steps = np.linalg.solve(h_state, (self.g_state - self.h_mixed @ dz)[..., None])[..., 0]
+        return np.asarray(steps, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,9 @@ class Problem:
 
     def _prior_cost(self, z: Array, states: Array) -> float:
         mean, deviation = self.prior
-        return float(np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2))
+        return float(
+            np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2)
+        )
 
 
 def solve(
@@ -288,7 +291,7 @@ def _expected_gain(normal: Normal, z: Array, bounds: Array, problem: Problem) ->
 
 
 def _step(normal: Normal, point: Point, bounds: Array, damping: float) -> tuple[Array, Array]:
-    """The damped step within the bounds: a parameter that would leave them is put on its bound, the rest solved again."""
+    """The damped step within the bounds: a parameter that would leave them is put on its bound, the rest solved for."""
     h, g = normal.reduced(damping)
     dz = np.zeros_like(point.z)
     fixed = np.zeros(len(dz), dtype=bool)

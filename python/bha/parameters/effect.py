@@ -168,8 +168,12 @@ class EffectParameters(Table):
         stated = self.stated_numbers
         if self.kind == "formula":
             return {name: float(value) for name, value in stated.items()}
-        defaults = {parameter.name: parameter.default for parameter in self.info.parameters}
-        return {name: float(stated.get(name, default)) for name, default in defaults.items()}
+        numbers: dict[str, float] = {}
+        for parameter in self.info.parameters:
+            value = stated.get(parameter.name, parameter.default)
+            assert value is not None  # a number without a default is stated, or the effect is refused
+            numbers[parameter.name] = float(value)
+        return numbers
 
     @property
     def section_and_bellows(self) -> tuple[int | None, int | None]:

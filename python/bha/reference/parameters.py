@@ -162,7 +162,10 @@ def parse_arm(text: str, source: str = "arm") -> Arm:
         rotational_energy=top.switch("rotational_energy"),
         coriolis_forces=top.switch("coriolis_forces"),
     )
-    top.refuse_the_rest({"schema", "section"})
+    # Ideal pneumatics: the pressures given are those in the bellows, which is all the reference model knows.
+    pneumatics = table.get("pneumatics")
+    ideal = isinstance(pneumatics, dict) and pneumatics.get("level") == "ideal"
+    top.refuse_the_rest({"schema", "section", "pneumatics"} if ideal else {"schema", "section"})
     return arm
 
 

@@ -14,11 +14,10 @@ use crate::input::Input;
 use crate::integrate::{Method, Options, Statistics};
 use crate::real::lanes::{InstructionSet, dispatch};
 use crate::simulate::Simulation;
+use crate::watch::watched;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
 
 /// One simulation of a batch.
 #[derive(Clone, Copy, Debug)]
@@ -81,9 +80,6 @@ pub struct Batch<'a> {
     pub instruction_set: InstructionSet,
 }
 
-/// How often the caller is asked whether to stop.
-const WATCH: Duration = Duration::from_millis(50);
-
 /// Most blocks that wait for more members.
 const MOST_OPEN: usize = 64;
 
@@ -117,28 +113,18 @@ impl Batch<'_> {
             .map_err(|e| Error::Input(format!("threads: {threads}; {e}")))?;
         let (stop, done) = (AtomicBool::new(false), AtomicUsize::new(0));
         let blocks = self.blocks(self.slots(&mut out, block), &stop);
-        std::thread::scope(|scope| {
-            let (finished, report) = channel();
-            let (stop, done) = (&stop, &done);
-            scope.spawn(move || {
-                pool.install(|| {
-                    blocks.into_par_iter().with_max_len(1).for_each(|block| {
-                        if !stop.load(Ordering::Relaxed) {
-                            let count = block.members.len();
-                            dispatch(self.instruction_set, block);
-                            done.fetch_add(count, Ordering::Relaxed);
-                        }
-                    });
+        let work = || {
+            pool.install(|| {
+                blocks.into_par_iter().with_max_len(1).for_each(|block| {
+                    if !stop.load(Ordering::Relaxed) {
+                        let count = block.members.len();
+                        dispatch(self.instruction_set, block);
+                        done.fetch_add(count, Ordering::Relaxed);
+                    }
                 });
-                // The receiver outlives this thread; a failed send can only mean that nobody waits any more.
-                let _ = finished.send(());
             });
-            while report.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
-                if watch(done.load(Ordering::Relaxed)) {
-                    stop.store(true, Ordering::Relaxed);
-                }
-            }
-        });
+        };
+        watched(&stop, work, &mut || watch(done.load(Ordering::Relaxed)));
         if stop.into_inner() { Err(Error::Interrupted) } else { Ok(out) }
     }
 

@@ -9,6 +9,7 @@ use super::Workspace;
 use super::recursion::ForwardDynamics;
 use crate::abreast::with_tangents;
 use crate::arm::Arm;
+use crate::effects;
 use crate::linear::Vec3;
 use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
 use crate::real::{Dual, Real};
@@ -21,7 +22,7 @@ pub struct Point<'a> {
     pub q: &'a [f64],
     /// Their rates, m/s.
     pub qd: &'a [f64],
-    /// Pressures, Pa absolute.
+    /// Pressures, Pa absolute; effects on pressures are at rest under them.
     pub p: &'a [f64],
     /// Force at each section's centre of mass in the base frame, N.
     pub f_ext: Option<&'a [Vec3<f64>]>,
@@ -71,6 +72,8 @@ struct Lifted<const N: usize, T> {
     /// q, q', p, one after the other.
     x: Vec<Dual<N, T>>,
     forces: Vec<Vec3<Dual<N, T>>>,
+    /// The pressures that act.
+    acting: Vec<Dual<N, T>>,
     qdd: Vec<Dual<N, T>>,
 }
 
@@ -92,6 +95,7 @@ impl<const N: usize, T: Real> Lifted<N, T> {
             tangent_count: tangents.len(),
             x: vec![zero; 2 * n + arm.inputs],
             forces: vec![Vec3::zero(); arm.sections.len()],
+            acting: vec![zero; arm.inputs],
             qdd: vec![zero; n],
         }
     }
@@ -101,7 +105,9 @@ impl<const N: usize, T: Real> Lifted<N, T> {
         let arm = tangent.map_or(&self.plain, |k| &self.tangents[k]);
         let (q, rest) = self.x.split_at(self.qdd.len());
         let (qd, p) = rest.split_at(self.qdd.len());
-        let f_ext = forces.then_some(self.forces.as_slice());
+        self.acting.copy_from_slice(p);
+        effects::pressures::at_rest(arm, &mut self.acting);
+        let (p, f_ext) = (self.acting.as_slice(), forces.then_some(self.forces.as_slice()));
         T::enter(ForwardDynamics { arm, q, qd, p, f_ext, ws: &mut self.ws, qdd: &mut self.qdd });
     }
 
@@ -180,7 +186,8 @@ mod tests {
                 other
             };
             let mass = arm.sections[0].mass;
-            let tangents = vec![crate::abreast::tangent(|m| Some(heavier(m)), mass, 1e-2 * mass).unwrap()];
+            let (a, b) = (heavier(2.0 * mass), heavier(mass));
+            let tangents = vec![crate::abreast::tangent(&[&a, &b], &[1.0 / mass, -1.0 / mass]).unwrap()];
             const WEIGHTS: [f64; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
             let difference = |f: &dyn Fn(f64) -> Vec<f64>, h: f64| {
                 let mut sum = vec![0.0; n];

@@ -52,6 +52,7 @@ pub fn parameters(effects: &[EffectParameters]) -> ArmParameters {
         coriolis_forces: true,
         inputs: (1..=3).flat_map(|i| (1..=3).map(move |k| format!("p{i}{k}"))).collect(),
         section: numbers.into_iter().enumerate().map(section).collect(),
+        pneumatics: None,
         effect: effects.to_vec(),
     }
 }

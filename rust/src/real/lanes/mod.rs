@@ -46,8 +46,12 @@ impl InstructionSet {
     /// All, from the narrowest on.
     pub const ALL: [Self; 5] = [Self::Scalar, Self::Plain, Self::Neon, Self::Avx2, Self::Avx512];
 
-    /// Whether this processor has it.
+    /// Whether this build and this processor have it. Lanes are in builds with the feature `lanes` only: compiling the
+    /// model for each instruction set takes many minutes, and so far the lanes gain less than twice the speed.
     pub fn is_available(self) -> bool {
+        if cfg!(not(feature = "lanes")) {
+            return self == Self::Scalar;
+        }
         match self {
             Self::Scalar | Self::Plain => true,
             Self::Neon => cfg!(target_arch = "aarch64"),
@@ -107,14 +111,15 @@ pub fn dispatch<W: AnyLanes>(set: InstructionSet, work: W) -> W::Output {
     }
     match set {
         InstructionSet::Scalar => work.with::<f64>(),
+        #[cfg(feature = "lanes")]
         InstructionSet::Plain => work.with::<Lanes<Plain>>(),
-        #[cfg(target_arch = "aarch64")]
+        #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
         InstructionSet::Neon => work.with::<Lanes<Neon>>(),
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(feature = "lanes", target_arch = "x86_64"))]
         InstructionSet::Avx2 => work.with::<Lanes<Avx2>>(),
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(feature = "lanes", target_arch = "x86_64"))]
         InstructionSet::Avx512 => work.with::<Lanes<Avx512>>(),
-        #[allow(unreachable_patterns)] // the sets of other architectures
+        #[allow(unreachable_patterns)] // the sets of other architectures and builds
         _ => work.with::<f64>(),
     }
 }

@@ -1,0 +1,143 @@
+//! The classes behind `Arm.forward_dynamics_derivatives` and `bha.sensitivities`.
+
+use super::arm::PyArm;
+use super::arrays::{any_vector, matrix, rows, shaped, small, vector};
+use super::errors::{input, to_python};
+use super::simulation::{interpolation_by_name, options};
+use crate::abreast::tangent;
+use crate::dynamics::derivatives::{self, Point};
+use crate::input::Input;
+use crate::linear::Vec3;
+use crate::real::lanes::InstructionSet;
+use crate::sensitivity::{Direction, Trajectory};
+use numpy::{PyArray1, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use std::sync::{Arc, Mutex};
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+type Cube<'py> = Bound<'py, PyArray3<f64>>;
+
+/// Arms and weights whose sum is the derivative of the arm's numbers by one parameter.
+type Difference<'py> = (Vec<Bound<'py, PyArm>>, Vec<f64>);
+
+fn tangents(py: Python<'_>, differences: &[Difference<'_>]) -> PyResult<Vec<Vec<f64>>> {
+    let one = |(arms, weights): &Difference<'_>| {
+        let arms: Vec<_> = arms.iter().map(|a| a.get().arm.clone()).collect();
+        let arms: Vec<_> = arms.iter().map(|a| &**a).collect();
+        let different = || input(py, "the arms of a difference must differ in numbers alone".to_owned());
+        tangent(&arms, weights).ok_or_else(different)
+    };
+    differences.iter().map(one).collect()
+}
+
+/// Takes derivatives of an arm's forward dynamics.
+#[pyclass(module = "bha._core", frozen)]
+pub struct Differentiator {
+    inner: Mutex<Box<dyn derivatives::Differentiator>>,
+    sections: usize,
+    inputs: usize,
+    tangents: usize,
+}
+
+#[pymethods]
+impl Differentiator {
+    #[new]
+    #[pyo3(signature = (arm, differences = Vec::new()))]
+    fn new(arm: &Bound<'_, PyArm>, differences: Vec<Difference<'_>>) -> PyResult<Self> {
+        let tangents = tangents(arm.py(), &differences)?;
+        let arm = &arm.get().arm;
+        let inner = Mutex::new(derivatives::differentiator(arm, &tangents, InstructionSet::best()));
+        Ok(Self { inner, sections: arm.sections.len(), inputs: arm.inputs, tangents: tangents.len() })
+    }
+
+    /// (q'', derivatives): one row of 3n a direction, by q, q', p and the arm's parameters.
+    #[pyo3(signature = (q, qd, p, f_ext = None))]
+    fn __call__<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        p: &Bound<'py, PyAny>,
+        f_ext: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Vector<'py>, Matrix<'py>)> {
+        let (py, n) = (q.py(), 3 * self.sections);
+        let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
+        let p = vector(p, "p", self.inputs)?;
+        let f = f_ext.map(|f| matrix(f, "f_ext", (self.sections, 3))).transpose()?;
+        let f: Option<Vec<_>> = match &f {
+            Some(f) => Some(f.as_slice()?.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect()),
+            None => None,
+        };
+        let at = Point { q: q.as_slice()?, qd: qd.as_slice()?, p: p.as_slice()?, f_ext: f.as_deref() };
+        let directions = 2 * n + self.inputs + self.tangents;
+        let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; directions * n]);
+        self.inner.lock().unwrap_or_else(std::sync::PoisonError::into_inner).run(at, &mut qdd, &mut out);
+        Ok((small(py, &qdd), shaped(py, out, [directions, n])?))
+    }
+}
+
+/// (states, derivatives): of shape (rows, 6n) and (directions, rows, 6n); see `bha.sensitivities`.
+#[pyfunction]
+#[pyo3(signature = (arm, times, pressures, forces, output_times, start, state, differences, parameter_of, directions, *, interpolation = "linear", method = "dopri5", step = 1e-3, rtol = 1e-6, atol = 1e-8, max_steps = None))]
+#[allow(clippy::too_many_arguments)]
+pub fn sensitivities<'py>(
+    arm: &Bound<'py, PyArm>,
+    times: &Bound<'py, PyAny>,
+    pressures: &Bound<'py, PyAny>,
+    forces: Option<&Bound<'py, PyAny>>,
+    output_times: &Bound<'py, PyAny>,
+    start: f64,
+    state: &Bound<'py, PyAny>,
+    differences: Vec<Difference<'py>>,
+    parameter_of: Vec<Option<usize>>,
+    directions: &Bound<'py, PyAny>,
+    interpolation: &str,
+    method: &str,
+    step: f64,
+    rtol: f64,
+    atol: f64,
+    max_steps: Option<u64>,
+) -> PyResult<(Matrix<'py>, Cube<'py>)> {
+    let py = arm.py();
+    let arm = arm.get().arm.clone();
+    let (columns, inputs) = (arm.coordinates(), arm.inputs);
+    let size = 2 * columns;
+    let options = options(py, method, step, (rtol, atol), (1e-10, f64::INFINITY), max_steps)?;
+    let interpolation = interpolation_by_name(py, interpolation)?;
+    let tangents = tangents(py, &differences)?;
+    let times = any_vector(times, "times")?.as_slice()?.to_vec();
+    let pressures = rows(pressures, "pressures", inputs)?.as_slice()?.to_vec();
+    let forces = match forces {
+        Some(f) => (rows(f, "forces", columns)?.as_slice()?.to_vec(), columns),
+        None => (Vec::new(), 0),
+    };
+    let drive = Input::new(times, (pressures, inputs), forces, interpolation).map_err(|e| to_python(py, &e))?;
+    let output_times = any_vector(output_times, "times")?;
+    let state = vector(state, "x0", size)?;
+    let seeds = matrix(directions, "derivatives of x0", (parameter_of.len(), size))?;
+    let nothing: &[f64] = &[];
+    let directions: Vec<_> = seeds
+        .as_slice()?
+        .chunks_exact(size)
+        .zip(&parameter_of)
+        .map(|(state, k)| Direction { tangent: k.and_then(|k| tangents.get(k)).map_or(nothing, Vec::as_slice), state })
+        .collect();
+    let (state, output_times) = (state.as_slice()?, output_times.as_slice()?);
+    let mut signal: Option<PyErr> = None;
+    let result = py.detach(|| {
+        let (arm, input, instruction_set) = (&*arm, &Arc::new(drive), InstructionSet::best());
+        let trajectory = Trajectory { arm, input, options, start, state, times: output_times, instruction_set };
+        trajectory.differentiate(&directions, &mut || {
+            if signal.is_none() {
+                signal = Python::attach(|py| py.check_signals()).err();
+            }
+            signal.is_some()
+        })
+    });
+    if let Some(error) = signal {
+        return Err(error);
+    }
+    let (values, out) = result.map_err(|e| to_python(py, &e))?;
+    let rows = output_times.len();
+    Ok((shaped(py, values, [rows, size])?, shaped(py, out, [directions.len(), rows, size])?))
+}

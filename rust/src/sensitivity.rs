@@ -1,0 +1,168 @@
+//! Derivatives of a trajectory by its initial state and by numbers of the arm.
+//!
+//! Source: forward sensitivities by dual numbers through the integrator itself, so they are the exact derivatives of the
+//! computed trajectory (Hairer, Norsett & Wanner, *Solving Ordinary Differential Equations I*, sec. I.14). Directions go
+//! abreast in lanes and over threads.
+//! Limits: an adaptive method's step sizes count as constants. Where the input jumps at a time that depends on a parameter
+//! (a delay), the derivative at the jump is missing.
+
+use crate::abreast::with_tangents;
+use crate::arm::Arm;
+use crate::error::{Error, Result};
+use crate::input::Input;
+use crate::integrate::{Integrator, Options};
+use crate::plant::Plant;
+use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
+use crate::real::{Dual, Kernel, Real};
+use crate::watch::watched;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What varies: the numbers of the arm and the initial state, together.
+#[derive(Clone, Copy, Debug)]
+pub struct Direction<'a> {
+    /// Derivatives of the arm's numbers (see [`crate::abreast::tangent`]), or nothing.
+    pub tangent: &'a [f64],
+    /// Derivative of the initial lengths and rates, 6n.
+    pub state: &'a [f64],
+}
+
+/// A trajectory to differentiate.
+#[derive(Clone, Copy, Debug)]
+pub struct Trajectory<'a> {
+    /// The arm.
+    pub arm: &'a Arm,
+    /// Its input.
+    pub input: &'a Arc<Input>,
+    /// How to integrate.
+    pub options: Options,
+    /// Start, s.
+    pub start: f64,
+    /// Lengths and rates at the start, 6n.
+    pub state: &'a [f64],
+    /// Times of the rows, ascending, s.
+    pub times: &'a [f64],
+    /// The lanes to use.
+    pub instruction_set: InstructionSet,
+}
+
+/// Directions of each lane.
+const BLOCKS: usize = 2;
+
+impl Trajectory<'_> {
+    /// States at the times, 6n a row, and their derivatives, the rows of one direction after those of the other.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for sizes that do not fit; [`Error::Simulation`] where the run cannot go on; [`Error::Interrupted`]
+    /// if `watch` said so, which is asked now and then.
+    pub fn differentiate(
+        &self,
+        directions: &[Direction<'_>],
+        watch: &mut impl FnMut() -> bool,
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
+        let size = 2 * self.arm.coordinates();
+        if self.state.len() != size || directions.iter().any(|d| d.state.len() != size) {
+            return Err(Error::Input(format!("initial state and its derivatives: {size} numbers are needed")));
+        }
+        if self.times.windows(2).any(|w| w[1] < w[0]) || self.times.first().is_some_and(|t| *t < self.start) {
+            return Err(Error::Input(format!("output times must ascend and not lie before {} s", self.start)));
+        }
+        let none = [Direction { tangent: &[], state: &[] }];
+        let directions = if directions.is_empty() { &none[..0] } else { directions };
+        let width = if self.instruction_set.lanes() == 1 { 4 * BLOCKS } else { self.instruction_set.lanes() * BLOCKS };
+        let chunks: Vec<_> = if directions.is_empty() { vec![directions] } else { directions.chunks(width).collect() };
+        let stop = AtomicBool::new(false);
+        let work = || {
+            let part = |chunk| Part { trajectory: self, directions: chunk, stop: &stop };
+            chunks.into_par_iter().map(|c| dispatch(self.instruction_set, part(c))).collect::<Result<Vec<_>>>()
+        };
+        let parts = watched(&stop, work, watch)?;
+        let mut parts = parts.into_iter();
+        let (rows, mut out) = parts.next().unwrap_or_default();
+        for (_, more) in parts {
+            out.extend(more);
+        }
+        Ok((rows, out))
+    }
+}
+
+/// Some directions of a trajectory, not more than one pass takes.
+struct Part<'a> {
+    trajectory: &'a Trajectory<'a>,
+    directions: &'a [Direction<'a>],
+    stop: &'a AtomicBool,
+}
+
+impl AnyLanes for Part<'_> {
+    type Output = Result<(Vec<f64>, Vec<f64>)>;
+    fn with<T: Real>(self) -> Self::Output {
+        if T::LANES == 1 { self.run::<{ 4 * BLOCKS }, T>() } else { self.run::<BLOCKS, T>() }
+    }
+}
+
+impl Part<'_> {
+    fn run<const N: usize, T: Real>(&self) -> Result<(Vec<f64>, Vec<f64>)> {
+        let Trajectory { arm, input, options, start, state, times, .. } = *self.trajectory;
+        let zeros;
+        let lifted = if self.directions.iter().any(|d| !d.tangent.is_empty()) {
+            let count = self.directions.iter().map(|d| d.tangent.len()).max().unwrap_or(0);
+            zeros = vec![0.0; count];
+            let tangents: Vec<&[f64]> = self
+                .directions
+                .iter()
+                .map(|d| if d.tangent.is_empty() { zeros.as_slice() } else { d.tangent })
+                .collect();
+            with_tangents::<N, T>(arm, &tangents)
+        } else {
+            arm.lift()
+        };
+        let seed = |j: usize| Dual::seeded(state[j], |d| self.directions.get(d).map_or(0.0, |d| d.state[j]));
+        let x0: Vec<Dual<N, T>> = (0..state.len()).map(seed).collect();
+        let mut plant = Plant::new(Arc::new(lifted), input.clone());
+        plant.begin(start, &x0);
+        let (rows, size) = (times.len(), state.len());
+        let mut values = vec![0.0; rows * size];
+        let mut derivatives = vec![0.0; self.directions.len() * rows * size];
+        let kernel = Run {
+            integrator: Integrator::new(options, start, &x0),
+            plant,
+            times,
+            values: &mut values,
+            derivatives: &mut derivatives,
+            stop: self.stop,
+        };
+        T::enter(kernel)?;
+        Ok((values, derivatives))
+    }
+}
+
+struct Run<'a, const N: usize, T> {
+    integrator: Integrator<Dual<N, T>>,
+    plant: Plant<Dual<N, T>>,
+    times: &'a [f64],
+    values: &'a mut [f64],
+    derivatives: &'a mut [f64],
+    stop: &'a AtomicBool,
+}
+
+impl<const N: usize, T: Real> Kernel for Run<'_, N, T> {
+    type Output = Result<()>;
+    #[inline(always)]
+    fn run(self) -> Result<()> {
+        let Self { mut integrator, mut plant, times, values, derivatives, stop } = self;
+        let size = integrator.state().len();
+        let block = times.len() * size;
+        let mut row = 0;
+        let mut sink = |_: f64, x: &[Dual<N, T>]| {
+            for (j, x) in x.iter().enumerate() {
+                values[row * size + j] = x.value.lane(0);
+                for (d, rows) in derivatives.chunks_mut(block).enumerate() {
+                    rows[row * size + j] = x.along(d);
+                }
+            }
+            row += 1;
+        };
+        integrator.run(&mut plant, times, &mut sink, &mut || stop.load(Ordering::Relaxed))
+    }
+}
