@@ -17,5 +17,6 @@ def laboratory() -> Laboratory:
         {"rest_length": s.rest_length, "stiffness": list(s.stiffness), "bending_stiffness": list(s.bending_stiffness)}
         for s in lab.design.parameters.sections
     ]
-    lab.__dict__["undamped"] = with_sections(lab.weighed, known, "identified")
+    for steps in (lab.paper, lab.balanced):
+        steps.__dict__["undamped"] = with_sections(steps.weighed, known, "identified")
     return lab

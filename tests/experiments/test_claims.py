@@ -31,7 +31,7 @@ def test_stiffness_and_table(laboratory: Laboratory) -> None:
 
 def test_bending_is_linear(laboratory: Laboratory) -> None:
     schedule, log = laboratory.measure_bending(3)
-    fit = fit_bending(laboratory.sprung, 3, log, schedule)
+    fit = fit_bending(laboratory.paper.sprung, 3, log, schedule)
     explained = 1 - np.var(fit.moments - fit.stiffness * fit.angles - fit.offset) / np.var(fit.moments)
     assert explained > 0.9
     assert np.ptp(fit.angles) > 1.0

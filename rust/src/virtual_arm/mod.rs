@@ -24,7 +24,7 @@ pub use run::{Rows, State};
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
-use crate::parameters::{ArmParameters, ForceModel};
+use crate::parameters::{ArmParameters, ForceModel, PneumaticsLevel};
 use nalgebra::Vector3;
 
 /// Mass along the arc of one section, besides the head plate that `SectionParameters` describe.
@@ -93,8 +93,9 @@ impl VirtualArm {
     /// [`Error::Parameter`] and [`Error::Input`] for values that are not allowed.
     pub fn new(parameters: &ArmParameters, distributed: &[Distributed], creep: &[Creep]) -> Result<Self> {
         Arm::new(parameters)?;
-        if !parameters.effect.is_empty() {
-            let text = "a virtual arm has no effects of the model; what it does beyond the model is given by its body";
+        let ideal = parameters.pneumatics.as_ref().is_none_or(|p| p.level == PneumaticsLevel::Ideal);
+        if !parameters.effect.is_empty() || !ideal {
+            let text = "a virtual arm takes no effects and no pneumatics of the model; it has its own";
             return Err(Error::Input(text.to_owned()));
         }
         if !(parameters.rotational_energy && parameters.coriolis_forces) {
