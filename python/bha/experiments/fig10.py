@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome
@@ -14,7 +16,7 @@ SHOWN = (0, 3, 6)
 
 def run(lab: Laboratory) -> Outcome:
     """Fit the damping and show the swing that it comes from."""
-    fit = lab.damping
+    fit = lab.paper.damping
     arm = lab.identified
     release, log = lab.swing
     start, free = swing_from_release(log, release)
@@ -22,8 +24,10 @@ def run(lab: Laboratory) -> Outcome:
     lengths = free.lengths
     assert lengths is not None
     drive = Input.constant(free.pressures(arm.inputs).mean(axis=0), float(time[-1]))
-    model_time, fitted, model_lengths = simulated_swing(arm, drive, start)
-    model = fit_oscillation(model_time, fitted[:, -1])
+    model_time, swung, _ = simulated_swing(arm, drive, start)
+    model = fit_oscillation(model_time, swung[:, -1])
+    fitted = np.full_like(measured, np.nan)
+    fitted[:, -1] = fit.measured.curve
     share = fit.measured.residual / fit.measured.amplitude
     damping = ", ".join(f"{d:.1f}" for d in fit.damping)
     return Outcome(
@@ -48,12 +52,10 @@ def run(lab: Laboratory) -> Outcome:
         {
             "fig10": (
                 swing_figure(
-                    {"measured": (time, measured), "model": (model_time, fitted)},
-                    {"measured": (time, lengths), "model": (model_time, model_lengths)},
-                    SHOWN,
+                    {"measured": (time, measured), "fit": (time, fitted)}, {"measured": (time, lengths)}, SHOWN
                 ),
-                "Lateral deflection of the heads from where they come to rest, and a selection of bellows lengths; "
-                "measured (solid) and the model with the damping found (dotted).",
+                "Lateral deflection of the heads from where they come to rest, and a selection of bellows lengths. "
+                "Dotted: the damped oscillation fitted to the tool's deflection.",
             )
         },
         numbers={

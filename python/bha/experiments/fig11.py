@@ -11,8 +11,8 @@ from bha.experiments.procedures import swing_from_release, with_sections
 from bha.extras import import_extra
 from bha.parameters import SectionParameters
 
-#: Window of the differentiating filter, samples; a tenth of the swing's period.
-WINDOW = 61
+#: Window of the differentiating filter, samples; a fifth of the swing's period.
+WINDOW = 101
 
 
 def run(lab: Laboratory) -> Outcome:

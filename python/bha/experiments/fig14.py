@@ -23,7 +23,12 @@ def run(lab: Laboratory) -> Outcome:
 
     deflection = {"measured": (time, lateral(lab.identified, free))}
     shown = {"measured": (time, lengths)}
-    for label, arm in (("full model", lab.identified), ("reduced model", lab.reduced)):
+    models = {
+        "full model": lab.identified,
+        "reduced model": lab.reduced,
+        "full model, mass at the sections' centres": lab.balanced.arm,
+    }
+    for label, arm in models.items():
         t, x, q = simulated_swing(arm, drive, start)
         deflection[label], shown[label] = (t, x), (t, q)
     found = {label: fit_oscillation(t, x[:, -1]) for label, (t, x) in deflection.items()}
@@ -32,7 +37,10 @@ def run(lab: Laboratory) -> Outcome:
     error = {k: float(np.sqrt(np.mean((x - tool["measured"]) ** 2))) for k, x in tool.items() if k != "measured"}
     apart = float(np.sqrt(np.mean((tool["full model"] - tool["reduced model"]) ** 2)))
     measured = found["measured"]
-    worst = max(abs(found[k].frequency / measured.frequency - 1) for k in error)
+    off = {k: abs(found[k].frequency / measured.frequency - 1) for k in error}
+    central = "full model, mass at the sections' centres"
+    worst = max(off["full model"], off["reduced model"])
+    drawn = [label for label in deflection if label != central]
     amplitude = measured.amplitude
     rows_of_table = [
         [
@@ -52,20 +60,27 @@ def run(lab: Laboratory) -> Outcome:
         [
             Claim(
                 "frequency, amplitude and damping of the tool match during the large oscillations",
-                f"frequency within {100 * worst:.0f} %, damping ratio {found['full model'].damping_ratio:.3f} and "
+                f"frequency {100 * off['full model']:.0f} % (full) and {100 * off['reduced model']:.0f} % (reduced) "
+                f"too low, damping ratio {found['full model'].damping_ratio:.3f} and "
                 f"{found['reduced model'].damping_ratio:.3f} against {measured.damping_ratio:.3f}",
-                worst < 0.1,
+                worst < 0.05,
+            ),
+            Claim(
+                "(ours) what is missing is the place of the mass: the paper puts it at the centre of the head",
+                f"with each section's mass at its centre of mass the frequency is {100 * off[central]:.1f} % off, and "
+                f"{1e3 * error[central]:.1f} mm RMS are left",
+                off[central] < 0.5 * off["full model"],
             ),
             Claim(
                 "full and reduced model describe the motion alike",
                 f"{1e3 * error['full model']:.1f} and {1e3 * error['reduced model']:.1f} mm RMS from the measurement, "
                 f"{1e3 * apart:.1f} mm RMS apart, of {1e3 * amplitude:.0f} mm",
-                max(error.values()) < 0.3 * amplitude,
+                apart < 0.2 * amplitude,
             ),
         ],
         {
             "fig14": (
-                swing_figure(deflection, shown, SHOWN),
+                swing_figure({k: deflection[k] for k in drawn}, {k: shown[k] for k in drawn}, SHOWN),
                 "Lateral deflection of the heads and a selection of bellows lengths: measured (solid), full model "
                 "(dotted), reduced model (dashed).",
             )
@@ -80,6 +95,7 @@ def run(lab: Laboratory) -> Outcome:
         {
             "frequency": measured.frequency,
             "worst_frequency": worst,
+            "central_frequency": off[central],
             "full_error": error["full model"],
             "reduced_error": error["reduced model"],
             "apart": apart,

@@ -11,7 +11,7 @@ from bha.experiments.outcome import Claim, Outcome
 
 def run(lab: Laboratory) -> Outcome:
     """Identify the spring curves and compare them with those the virtual arm was built with."""
-    fits = lab.stiffness
+    fits = lab.paper.stiffness
     truth, scatter, bent, rising = [], [], [], []
     for fit, section in zip(fits, lab.design.parameters.sections, strict=True):
         lengths = np.linspace(fit.lengths.min(), fit.lengths.max(), 200)

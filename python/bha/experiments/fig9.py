@@ -15,14 +15,14 @@ from bha.experiments.virtual_arm import VirtualArm
 
 def run(lab: Laboratory) -> Outcome:
     """Identify the bending stiffness; measure the last section again without creep."""
-    fits = lab.bending_stiffness
+    fits = lab.paper.bending_stiffness
     last = lab.design.section_count
     schedule, _ = lab.bending[last - 1]
     lab.note(f"measuring: bending of section {last}, material without creep")
     body = dataclasses.replace(lab.real.body, creep=())
     without = VirtualArm(lab.design, body, lab.real.sensors, seed=lab.real.seed)
     log = without.measure(schedule, number=20, step=lab.static_step)
-    ideal = fit_bending(lab.sprung, last, log, schedule)
+    ideal = fit_bending(lab.paper.sprung, last, log, schedule)
     scatter, scatter_without = _scatter(fits[last - 1]), _scatter(ideal)
     linear = min(_explained(fit) for fit in fits)
     return Outcome(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha.experiments.procedures import BendingFit, StiffnessFit
+from bha.extras import import_extra
 from bha.plot.style import (
     COLORS,
     DASHED,
@@ -25,6 +26,8 @@ from bha.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from bha.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 WIDTH = 7.2
@@ -110,21 +113,48 @@ def swing_figure(
         below[0].set_ylabel("Bellows length [mm]")
         for axes in (top, *below):
             axes.set_xlim(0.0, min(time[-1] for time, _ in lateral.values()))
-        from matplotlib.lines import Line2D  # noqa: PLC0415  (an optional extra, loaded by now)
+        _legend(figure, {k: line_options(s, COLORS[0], alone) for k, s in styles.items()}, "Section")
+    return figure
 
-        handles = [Line2D([], [], label=k, **line_options(s, COLORS[0], alone)) for k, s in styles.items()]
-        handles += [
-            Line2D(
-                [],
-                [],
-                color=COLORS[head],
-                linewidth=3,
-                solid_capstyle="butt",
-                label=f"Section {head + 1}" if head == 0 else str(head + 1),
-            )
-            for head in range(heads)
-        ]
-        figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), columnspacing=1.6)
+
+def _legend(figure: Figure, styles: Mapping[str, Mapping[str, Any]], numbered: str) -> None:
+    """Above all panels: line styles by label, then the colours by number."""
+    lines = import_extra("matplotlib.lines", extra="plot", purpose="Plotting")
+    handles = [lines.Line2D([], [], label=label, **options) for label, options in styles.items()]
+    handles += [
+        lines.Line2D([], [], color=COLORS[k], linewidth=3, solid_capstyle="butt", label=label)
+        for k, label in enumerate((f"{numbered} 1", "2", "3"))
+    ]
+    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), columnspacing=1.6)
+
+
+def tilt_figure(trajectories: Mapping[str, Trajectory]) -> Figure:
+    """Figs. 12 and 13: pressures and lengths of section 1, and the tool, against time; line style by label."""
+    styles = line_styles(list(trajectories))
+    first = next(iter(trajectories.values()))
+    with figure_of_size(WIDTH, 4.4) as figure:
+        panels = figure.subplots(2, 2, sharex=True)
+        for k, name in enumerate(first.input_names[:3]):
+            # Two of the three are often equal: each line is thinner than the one below.
+            draw(panels[0, 0], first.time, first.pressures[:, k] / PASCAL_PER_BAR, color=COLORS[k],
+                 linewidth=2.4 - 0.8 * k, label=name)  # fmt: skip
+        for label, trajectory in trajectories.items():
+            for k in range(3):
+                values = trajectory.lengths[:, k] * MILLIMETRES_PER_METRE
+                draw(panels[0, 1], trajectory.time, values, **line_options(styles[label], COLORS[k]))
+            for axes, axis in ((panels[1, 0], 0), (panels[1, 1], 2)):
+                values = trajectory.head_positions[:, -1, axis] * MILLIMETRES_PER_METRE
+                draw(axes, trajectory.time, values, **line_options(styles[label], COLORS[0]))
+        panels[0, 0].set_title("Section 1, pressures", loc="left")
+        panels[0, 0].set_ylabel("Absolute pressure [bar]")
+        panels[0, 1].set_title("Section 1, bellows", loc="left")
+        panels[0, 1].set_ylabel("Length [mm]")
+        for axes, letter in ((panels[1, 0], "x"), (panels[1, 1], "z")):
+            axes.set_title(f"Tool, {letter}", loc="left")
+            axes.set_ylabel("Position [mm]")
+            axes.set_xlabel("Time [s]")
+            axes.set_xlim(first.time[0], first.time[-1])
+        _legend(figure, {k: line_options(s, COLORS[0]) for k, s in styles.items()}, "Bellows")
     return figure
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -28,18 +26,20 @@ class Laboratory:
         *,
         seed: int = 2015,
         hold: float = 2.0,
+        swing_time: float = 6.0,
         note: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Name the arm's seed and how long a pose is held.
+        """Name the arm's seed and how long measurements take.
 
         Args:
             seed: of the bellows' scatter and the sensors' noise.
             hold: how long each pose of the static measurements is held, s.
+            swing_time: how long a swing is recorded, s.
             note: told what is being measured or identified.
         """
         self.design = robots.load("bha_nominal")
         self.real = VirtualArm(self.design, seed=seed)
-        self.hold = hold
+        self.hold, self.swing_time = hold, swing_time
         self.note = note
         #: Steps of the virtual arm's integration, s: creeping along in the static measurements, faster in the others.
         self.static_step, self.dynamic_step = 1e-3, 5e-4
@@ -53,26 +53,18 @@ class Laboratory:
     @cached_property
     def bending(self) -> list[tuple[Schedule, Log]]:
         """Fig. 9: one staircase for each section."""
-        sections = range(1, self.design.section_count + 1)
-
-        def measure(section: int) -> tuple[Schedule, Log]:
-            schedule = schedules.bending(self.design, section, hold=self.hold)
-            return schedule, self._measure(f"bending of section {section}", schedule, 10 + section, self.static_step)
-
-        # The core runs without Python's lock; results do not depend on the number of threads.
-        with ThreadPoolExecutor(os.cpu_count()) as threads:
-            return list(threads.map(measure, sections))
+        return [self.measure_bending(section) for section in range(1, self.design.section_count + 1)]
 
     @cached_property
     def swing(self) -> tuple[float, Log]:
         """Fig. 10: time of the release and the log."""
-        schedule = schedules.swing(self.design)
+        schedule = schedules.swing(self.design, free=self.swing_time)
         return float(schedule.time[1]), self._measure("lateral swing", schedule, 2)
 
     @cached_property
     def second_swing(self) -> tuple[float, Log]:
         """Fig. 14: another swing than the one that the damping was identified from."""
-        schedule = schedules.swing(self.design, force=7.0)
+        schedule = schedules.swing(self.design, force=7.0, free=self.swing_time)
         return float(schedule.time[1]), self._measure("second lateral swing", schedule, 3)
 
     @cached_property
@@ -81,55 +73,31 @@ class Laboratory:
         return self._measure("tilt", schedules.tilt(self.design), 4)
 
     @cached_property
-    def tilt_of_one_bellows(self) -> Log:
+    def tilting(self) -> Log:
         """Fig. 13."""
-        return self._measure("tilt of one bellows", schedules.tilt_of_one_bellows(self.design), 5)
+        return self._measure("tilting to and fro", schedules.tilting_to_and_fro(self.design), 5)
 
     @cached_property
+    def paper(self) -> Identified:
+        """The model by section IV as it stands: the sections' mass at the centre of their heads."""
+        return Identified(self, [(0.0, 0.0, 0.0)] * self.design.section_count)
+
+    @cached_property
+    def balanced(self) -> Identified:
+        """The same with each section's mass at its centre of mass, as found by balancing it at its mean length."""
+        spread = 1.0 - self.real.body.plate_share
+        means = [sum(s.length_range) / 2 for s in self.design.parameters.sections]
+        return Identified(self, [(0.0, 0.0, -round(spread * mean / 2, 3)) for mean in means])
+
+    @property
     def weighed(self) -> Arm:
-        """What is known before any pressure is applied: geometry, masses (weighed to 1 g), inertia by (56)."""
-        unknown = {"inertia": None, "stiffness": [1.0], "damping": 0.0, "bending_stiffness": [0.0]}
-        changes = [unknown | {"mass": round(s.mass, 3)} for s in self.design.parameters.sections]
-        return procedures.with_sections(self.design, changes, "identified")
+        """What is known of the arm before any measurement."""
+        return self.paper.weighed
 
-    @cached_property
-    def stiffness(self) -> list[procedures.StiffnessFit]:
-        """Section IV-C."""
-        schedule, log = self.even_elongation
-        self.note("identifying longitudinal stiffness")
-        return procedures.fit_stiffness(self.weighed, log, schedule)
-
-    @cached_property
-    def sprung(self) -> Arm:
-        """The arm after section IV-C."""
-        changes = [{"rest_length": f.rest_length, "stiffness": list(f.stiffness)} for f in self.stiffness]
-        return procedures.with_sections(self.weighed, changes, "identified")
-
-    @cached_property
-    def bending_stiffness(self) -> list[procedures.BendingFit]:
-        """Section IV-D."""
-        logs = self.bending
-        self.note("identifying bending stiffness")
-        return [procedures.fit_bending(self.sprung, i + 1, log, s) for i, (s, log) in enumerate(logs)]
-
-    @cached_property
-    def undamped(self) -> Arm:
-        """The arm after section IV-D."""
-        changes = [{"bending_stiffness": [f.stiffness]} for f in self.bending_stiffness]
-        return procedures.with_sections(self.sprung, changes, "identified")
-
-    @cached_property
-    def damping(self) -> procedures.DampingFit:
-        """Section IV-E."""
-        release, log = self.swing
-        arm = self.undamped
-        self.note("identifying damping")
-        return procedures.fit_damping(arm, log, release)
-
-    @cached_property
+    @property
     def identified(self) -> Arm:
-        """The arm after all of section IV: the full model of the experiments."""
-        return procedures.with_sections(self.undamped, [{"damping": d} for d in self.damping.damping], "identified")
+        """The full model of the experiments."""
+        return self.paper.arm
 
     @cached_property
     def reduced(self) -> Arm:
@@ -151,6 +119,69 @@ class Laboratory:
             arm_name="virtual arm",
         )
 
+    def measure_bending(self, section: int) -> tuple[Schedule, Log]:
+        """The staircase that bends one section, counted from 1."""
+        schedule = schedules.bending(self.design, section, hold=self.hold)
+        return schedule, self._measure(f"bending of section {section}", schedule, 10 + section, self.static_step)
+
     def _measure(self, what: str, schedule: Schedule, number: int, step: float | None = None) -> Log:
         self.note(f"measuring: {what}")
         return self.real.measure(schedule, number=number, step=step or self.dynamic_step)
+
+
+class Identified:
+    """The steps of section IV, each from the one before and from the laboratory's measurements."""
+
+    def __init__(self, laboratory: Laboratory, centers_of_mass: Sequence[tuple[float, float, float]]) -> None:
+        """Start from the sections' ``centers_of_mass`` in their head frames, m."""
+        self._laboratory = laboratory
+        self._centers = centers_of_mass
+
+    @cached_property
+    def weighed(self) -> Arm:
+        """What is known before any pressure is applied: geometry, masses (weighed to 1 g), inertia by (56)."""
+        unknown = {"inertia": None, "stiffness": [1.0], "damping": 0.0, "bending_stiffness": [0.0]}
+        changes = [
+            unknown | {"mass": round(section.mass, 3), "center_of_mass": list(center)}
+            for section, center in zip(self._laboratory.design.parameters.sections, self._centers, strict=True)
+        ]
+        return procedures.with_sections(self._laboratory.design, changes, "identified")
+
+    @cached_property
+    def stiffness(self) -> list[procedures.StiffnessFit]:
+        """Section IV-C."""
+        schedule, log = self._laboratory.even_elongation
+        self._laboratory.note("identifying longitudinal stiffness")
+        return procedures.fit_stiffness(self.weighed, log, schedule)
+
+    @cached_property
+    def sprung(self) -> Arm:
+        """The arm after section IV-C."""
+        changes = [{"rest_length": f.rest_length, "stiffness": list(f.stiffness)} for f in self.stiffness]
+        return procedures.with_sections(self.weighed, changes, "identified")
+
+    @cached_property
+    def bending_stiffness(self) -> list[procedures.BendingFit]:
+        """Section IV-D."""
+        logs = self._laboratory.bending
+        self._laboratory.note("identifying bending stiffness")
+        return [procedures.fit_bending(self.sprung, i + 1, log, s) for i, (s, log) in enumerate(logs)]
+
+    @cached_property
+    def undamped(self) -> Arm:
+        """The arm after section IV-D."""
+        changes = [{"bending_stiffness": [f.stiffness]} for f in self.bending_stiffness]
+        return procedures.with_sections(self.sprung, changes, "identified")
+
+    @cached_property
+    def damping(self) -> procedures.DampingFit:
+        """Section IV-E."""
+        release, log = self._laboratory.swing
+        arm = self.undamped
+        self._laboratory.note("identifying damping")
+        return procedures.fit_damping(arm, log, release)
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm after all of section IV."""
+        return procedures.with_sections(self.undamped, [{"damping": d} for d in self.damping.damping], "identified")

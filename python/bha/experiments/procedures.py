@@ -50,12 +50,13 @@ class BendingFit:
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A damped oscillation fitted to a deflection: Hz, damping ratio, greatest deflection and RMS left, m."""
+    """A damped oscillation fitted to a deflection: Hz, damping ratio, greatest deflection, RMS left and curve, m."""
 
     frequency: float
     damping_ratio: float
     amplitude: float
     residual: float
+    curve: Array
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,7 @@ def fit_oscillation(time: Array, deflection: Array) -> Oscillation:
         damping_ratio=float(decay / np.hypot(decay, 2 * np.pi * frequency)),
         amplitude=float(np.abs(deflection).max()),
         residual=float(np.sqrt(np.mean(fit.fun**2))),
+        curve=np.asarray(deflection + fit.fun),
     )
 
 

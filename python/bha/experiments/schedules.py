@@ -35,7 +35,7 @@ def bending(arm: Arm, section: int, *, hold: float = 2.0, ramp: float = 1.0) -> 
 
 def swing(arm: Arm, *, force: float = 10.0, free: float = 6.0) -> Schedule:
     """Fig. 10: a force along x at the tool loses contact; pressures stay as they are."""
-    time = np.array([0.0, 2.0, 2.0, 2.0 + free])
+    time = np.array([0.0, 0.5, 0.5, 0.5 + free])
     forces = np.zeros((4, arm.section_count, 3))
     forces[:2, -1, 0] = force
     levels = np.full((4, len(arm.inputs)), 0.3)
@@ -48,16 +48,18 @@ def tilt(arm: Arm) -> Schedule:
                           (7.5, 0.0, 0.0), (10.0, 0.0, 0.0)])  # fmt: skip
 
 
-def tilt_of_one_bellows(arm: Arm) -> Schedule:
-    """Fig. 13: section 1 is tilted by its bellows 1, there and back and there again."""
-    return _corners(arm, [(1.0, 0.0, 0.0), (1.4, 0.45, 0.0), (3.0, 0.45, 0.0), (3.4, 0.0, 0.0), (5.0, 0.0, 0.0),
-                          (6.0, 0.5, 0.0), (8.0, 0.5, 0.0)])  # fmt: skip
+def tilting_to_and_fro(arm: Arm, *, rate: float = 1.0, times: int = 4) -> Schedule:
+    """Fig. 13: bellows 1 of section 1 tilts it ``times`` times, ``rate`` times a second, smoothly."""
+    end = 1.0 + times / rate
+    time = np.concatenate([[0.0], np.linspace(1.0, end, 50 * times + 1), [end + 2.0]])
+    wave = 0.5 - 0.5 * np.cos(2 * np.pi * rate * (np.clip(time, 1.0, end) - 1.0))
+    return _corners(arm, [(float(t), 0.45 * float(w), 0.0) for t, w in zip(time, wave, strict=True)])
 
 
 def _corners(arm: Arm, corners: list[tuple[float, float, float]]) -> Schedule:
     """Corners (time, pressure of bellows 1, pressure of bellows 2 and 3 of section 1), bar gauge."""
-    levels = np.full((len(corners) + 1, len(arm.inputs)), EXTENDED)
     table = np.array([(0.0, *corners[0][1:]), *corners])
+    levels = np.full((len(table), len(arm.inputs)), EXTENDED)
     levels[:, 0], levels[:, 1], levels[:, 2] = table[:, 1], table[:, 2], table[:, 2]
     return Schedule(table[:, 0], _absolute(arm, levels))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from bha.experiments.compare import length_error, static_trajectory, tool_error, tool_travel
+from bha.experiments.figures import tilt_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.plot import plot_trajectories
 from bha.simulation import simulate
 
 #: Every how many milliseconds the static models are solved and lines are drawn.
@@ -24,7 +24,13 @@ def fig12(lab: Laboratory) -> Outcome:
     travel = tool_travel(measured)
     errors = {"full": tool_error(full, measured), "reduced": tool_error(reduced, measured)}
     apart = tool_error(reduced, full)
-    models = {"full": full, "reduced": reduced, "full, `work_conjugate`": conjugate}
+    balanced = simulate(lab.balanced.arm, log)
+    models = {
+        "full": full,
+        "reduced": reduced,
+        "full, `work_conjugate`": conjugate,
+        "full, mass at the sections' centres": balanced,
+    }
     table = Table(
         ["model", "tool, RMS [mm]", "bellows lengths, RMS [mm]"],
         [
@@ -53,7 +59,7 @@ def fig12(lab: Laboratory) -> Outcome:
         ],
         {
             "fig12": (
-                plot_trajectories(
+                tilt_figure(
                     {"measured": measured[::STRIDE], "full model": full[::STRIDE], "reduced model": reduced[::STRIDE]}
                 ),
                 "Measured (solid), full model (dotted) and reduced model (dashed).",
@@ -66,7 +72,7 @@ def fig12(lab: Laboratory) -> Outcome:
 
 def fig13(lab: Laboratory) -> Outcome:
     """Static models against the measurement."""
-    log = lab.tilt_of_one_bellows
+    log = lab.tilting
     measured = lab.measured(log)[::STRIDE]
     arm = lab.identified
     full = simulate(arm, log)[::STRIDE]
@@ -78,7 +84,7 @@ def fig13(lab: Laboratory) -> Outcome:
     return Outcome(
         "fig13",
         "Fig. 13: tilting, static models",
-        "Section 1 is tilted by its bellows 1, there, back, and slowly there again. The static coupled model solves "
+        "Section 1 is tilted to and fro by its bellows 1, once a second. The static coupled model solves "
         "N(q, 0) = τ(q, p) (62) for every measured pressure; the decoupled one balances springs and pressures "
         "alone, without gravity and bending.",
         [
@@ -96,7 +102,7 @@ def fig13(lab: Laboratory) -> Outcome:
         ],
         {
             "fig13": (
-                plot_trajectories({"measured": measured, "static coupled": coupled, "static decoupled": decoupled}),
+                tilt_figure({"measured": measured, "static coupled": coupled, "static decoupled": decoupled}),
                 "Measured (solid), static coupled (dotted) and static decoupled (dashed).",
             )
         },

@@ -20,7 +20,7 @@ pub struct Equations {
 pub struct Actions<'a> {
     /// Pressures, Pa absolute.
     pub pressures: &'a [f64],
-    /// Forces at the head plates' centres of mass in the base frame, N; none: no forces.
+    /// Forces at the sections' force points in the base frame, N; none: no forces.
     pub external: &'a [Vector3<f64>],
 }
 
@@ -103,7 +103,7 @@ impl VirtualArm {
             let plate = head.shifted(&section.plate_center);
             out.add_body(&plate, section.plate_mass, &section.plate_inertia, &self.gravity);
             if let Some(f) = actions.external.get(i) {
-                out.add_force(&plate, &Vector3::zeros(), f);
+                out.add_force(&head, &times(&head.rotation, &section.force_point), f);
             }
             let [k1, k3] = section.bending_stiffness;
             let bending = k1 + k3 * (arc[0] * arc[0] + arc[1] * arc[1]);

@@ -24,7 +24,7 @@ pub use run::{Rows, State};
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
-use crate::parameters::{ArmParameters, ForceModel};
+use crate::parameters::{ArmParameters, ForceModel, PneumaticsLevel};
 use nalgebra::Vector3;
 
 /// Mass along the arc of one section, besides the head plate that `SectionParameters` describe.
@@ -65,6 +65,7 @@ struct Section {
     plate_mass: f64,
     plate_inertia: Vector3<f64>,
     plate_center: Vector3<f64>,
+    force_point: Vector3<f64>,
     distributed: Distributed,
     radius: f64,
     base_offset: f64,
@@ -92,6 +93,11 @@ impl VirtualArm {
     /// [`Error::Parameter`] and [`Error::Input`] for values that are not allowed.
     pub fn new(parameters: &ArmParameters, distributed: &[Distributed], creep: &[Creep]) -> Result<Self> {
         Arm::new(parameters)?;
+        let ideal = parameters.pneumatics.as_ref().is_none_or(|p| p.level == PneumaticsLevel::Ideal);
+        if !parameters.effect.is_empty() || !ideal {
+            let text = "a virtual arm takes no effects and no pneumatics of the model; it has its own";
+            return Err(Error::Input(text.to_owned()));
+        }
         if !(parameters.rotational_energy && parameters.coriolis_forces) {
             let text =
                 "a virtual arm cannot leave out rotational energy or Coriolis forces; it stands for the real arm";
@@ -120,6 +126,7 @@ impl VirtualArm {
             plate_mass: p.mass,
             plate_inertia: Vector3::from(p.inertia),
             plate_center: Vector3::from(p.center_of_mass),
+            force_point: Vector3::from(p.force_point.unwrap_or(p.center_of_mass)),
             distributed: *d,
             radius: p.bellows_radius,
             base_offset: p.base_offset,
