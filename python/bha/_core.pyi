@@ -162,6 +162,67 @@ def sensitivities(
     max_steps: int | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def instruction_sets() -> list[str]: ...
+
+class Stepper:
+    def __new__(cls, arm: Arm, step: float = 1e-3) -> Self: ...
+    def reset(self, p: ArrayLike, q: ArrayLike | None = None, qd: ArrayLike | None = None) -> NDArray[np.float64]: ...
+    def step(self, p: ArrayLike, dt: float) -> NDArray[np.float64]: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def lengths(self) -> NDArray[np.float64]: ...
+    @property
+    def velocities(self) -> NDArray[np.float64]: ...
+    @property
+    def pressures(self) -> NDArray[np.float64]: ...
+
+@final
+class Controller:
+    def __new__(cls, arm: Arm, parameters_json: str) -> Self: ...
+    def reset(self) -> None: ...
+    def step(self, lengths: ArrayLike, pressures: ArrayLike, target: ArrayLike) -> NDArray[np.float64]: ...
+    @property
+    def at_limit(self) -> NDArray[np.int8]: ...
+    @property
+    def estimate(self) -> NDArray[np.float64]: ...
+
+def closed_loop(
+    stepper: Stepper,
+    controller: Controller | Callable[[float, NDArray[np.float64]], ArrayLike],
+    reference: ArrayLike,
+    period: float,
+    *,
+    length_noise: float = 0.0,
+    pressure_noise: float = 0.0,
+    seed: int = 0,
+    decimation: int = 1,
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.int8],
+    NDArray[np.float64],
+    SimulationError | None,
+]: ...
+def rest_near(
+    arm: Arm, q: ArrayLike, low: ArrayLike, high: ArrayLike, preferred: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def resolved_motion(
+    arm: Arm,
+    positions: ArrayLike,
+    directions: ArrayLike | None,
+    start: ArrayLike,
+    low: ArrayLike,
+    high: ArrayLike,
+    offset: tuple[float, float, float] = ...,
+) -> NDArray[np.float64]: ...
+def linearize(
+    arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def linear_quadratic_gain(a: ArrayLike, b: ArrayLike, q: ArrayLike, r: ArrayLike) -> NDArray[np.float64]: ...
+
 def simulate_batch(
     arms: Sequence[Arm],
     inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
-from bha.parameters import ArmParameters, EffectParameters, ForceModel
+from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel
 
 if TYPE_CHECKING:
     from bha.derivatives import Derivatives
@@ -72,6 +72,12 @@ class Arm(_core.Arm):
         return self._parameters.inputs
 
     @property
+    def pneumatics_level(self) -> PneumaticsLevel:
+        """How much lies between commanded and acting pressure: ``"ideal"`` (nothing), ``"lag"`` or ``"full"``."""
+        table = self._parameters.pneumatics
+        return "ideal" if table is None else table.level
+
+    @property
     def section_count(self) -> int:
         """Number of sections, n; the coordinates are 3n."""
         return len(self._parameters.sections)
@@ -85,8 +91,11 @@ class Arm(_core.Arm):
         force_model: ForceModel | None = None,
         rotational_energy: bool | None = None,
         coriolis_forces: bool | None = None,
+        pneumatics: PneumaticsLevel | None = None,
     ) -> Self:
         """A new arm with some of the values and switches of the whole arm changed; what is None stays.
+
+        ``pneumatics`` is the level of the ``[pneumatics]`` table, ``"ideal"``, ``"lag"`` or ``"full"``.
 
         Raises:
             ParameterError: a value that is not allowed.
@@ -99,6 +108,9 @@ class Arm(_core.Arm):
             "rotational_energy": rotational_energy,
             "coriolis_forces": coriolis_forces,
         }
+        if pneumatics is not None and (self.pneumatics_level, pneumatics) != ("ideal", "ideal"):
+            table = self._parameters.to_mapping().get("pneumatics", {})
+            changes["pneumatics"] = {**table, "level": pneumatics}
         changes = {key: value for key, value in changes.items() if value is not None}
         return type(self)(self._parameters.updated(changes))
 

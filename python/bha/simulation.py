@@ -32,11 +32,15 @@ class Input:
         time: sample times, s, shape (m,), ascending; two equal times are a jump.
         pressures: Pa absolute, shape (m, inputs), in the order of ``arm.inputs``.
         forces: force at each section's centre of mass in the base frame, N, shape (m, n, 3), or None.
+        commanded: whether the pressures are commands, which act through the arm's pneumatics; else they are those in
+        the
+            bellows and act as they are.
     """
 
     time: NDArray[np.float64]
     pressures: NDArray[np.float64]
     forces: NDArray[np.float64] | None = None
+    commanded: bool = True
 
     @classmethod
     def constant(cls, pressures: ArrayLike, duration: float) -> Input:
@@ -47,7 +51,8 @@ class Input:
     @classmethod
     def from_log(cls, arm: Arm, log: Log, *, commanded: bool = False) -> Input:
         """The pressures (``commanded`` ones if asked) and external forces of a measured log."""
-        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), log.forces_on(arm.section_count))
+        forces = log.forces_on(arm.section_count)
+        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), forces, commanded)
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ class Simulation:
         forces = None if drive.forces is None else np.asarray(drive.forces).reshape(len(drive.time), -1)
         self.arm = arm
         self._core = _core.Simulation(
-            arm,
+            arm if drive.commanded else arm.with_changes(pneumatics="ideal"),
             drive.time,
             drive.pressures,
             forces,

@@ -4,6 +4,7 @@ use crate::effects::Effects;
 use crate::error::{Error, Result};
 use crate::linear::Vec3;
 use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
+use crate::pneumatics::Pneumatics;
 use crate::real::Real;
 
 /// Highest power of the spring polynomial.
@@ -77,6 +78,8 @@ pub struct Arm<T = f64> {
     pub coriolis_forces: bool,
     /// Number of pressure inputs.
     pub inputs: usize,
+    /// From commanded to acting pressure; the command acts as it is without.
+    pub pneumatics: Option<Pneumatics<T>>,
     /// The sections from the base on.
     pub sections: Vec<Section<T>>,
     /// The effects that the paper's model leaves out.
@@ -188,6 +191,18 @@ impl Section<f64> {
     }
 }
 
+/// Volume of the bellows of each input at the middle of their range of lengths, m^3.
+fn middle_volumes(parameters: &ArmParameters) -> Vec<f64> {
+    let mut out = vec![0.0; parameters.inputs.len()];
+    for section in &parameters.section {
+        let [shortest, longest] = section.length_range;
+        for b in &section.bellows {
+            out[b.input] += b.terminal_area * 0.5 * (shortest + longest);
+        }
+    }
+    out
+}
+
 impl Arm<f64> {
     /// The arm that `parameters` describe.
     ///
@@ -220,6 +235,10 @@ impl Arm<f64> {
             sections.push(Section::new(i, p, radius_below, parameters.inputs.len())?);
             radius_below = p.bellows_radius;
         }
+        let pneumatics = parameters.pneumatics.as_ref();
+        let pneumatics = pneumatics
+            .map(|p| Pneumatics::new(p, parameters.ambient_pressure, &middle_volumes(parameters)))
+            .transpose()?;
         let mut arm = Self {
             gravity: Vec3(parameters.gravity),
             ambient_pressure: not_negative("arm", "ambient_pressure", parameters.ambient_pressure)?,
@@ -227,6 +246,7 @@ impl Arm<f64> {
             rotational_energy: parameters.rotational_energy,
             coriolis_forces: parameters.coriolis_forces,
             inputs: parameters.inputs.len(),
+            pneumatics,
             sections,
             effects: Effects::none(),
         };
@@ -249,6 +269,7 @@ impl Arm<f64> {
             rotational_energy: self.rotational_energy,
             coriolis_forces: self.coriolis_forces,
             inputs: self.inputs,
+            pneumatics: self.pneumatics.as_ref().map(Pneumatics::lift),
             sections: self
                 .sections
                 .iter()

@@ -15,17 +15,22 @@
 //! | (48) solved for q'' or tau, (58)-(61) | [`dynamics::recursion`] |
 //! | (49)-(53) M, C, N, tau | [`dynamics::terms`] |
 //! | (62) statics | [`dynamics::statics`] |
+//! | (25) pressures, from command to chamber | [`pneumatics`] |
 //!
 //! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
 //!
 //! [`virtual_arm`] is no part of the model: it is what the paper's experiments take for the real arm.
 //!
-//! Arrows: batch -> simulate -> integrate -> dynamics -> forces, effects -> kinematics -> arm -> real; nothing points
-//! back.
+//! [`control`] and [`closed_loop`] use the model the other way round: from a wanted motion to pressures.
+//!
+//! Arrows: batch, closed_loop -> control, simulate -> integrate -> dynamics -> forces, effects, pneumatics -> kinematics
+//! -> arm -> real; nothing points back.
 
 pub mod abreast;
 pub mod arm;
 pub mod batch;
+pub mod closed_loop;
+pub mod control;
 pub mod dynamics;
 pub mod effects;
 pub mod error;
@@ -36,6 +41,7 @@ pub mod kinematics;
 pub mod linear;
 pub mod parameters;
 pub mod plant;
+pub mod pneumatics;
 #[cfg(feature = "python")]
 mod python;
 pub mod real;

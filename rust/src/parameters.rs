@@ -36,6 +36,9 @@ pub struct ArmParameters {
     pub coriolis_forces: bool,
     /// Names of the pressure inputs.
     pub inputs: Vec<String>,
+    /// From commanded to acting pressure; the command acts as it is without.
+    #[serde(default)]
+    pub pneumatics: Option<PneumaticsParameters>,
     /// The sections from the base on.
     pub section: Vec<SectionParameters>,
     /// The effects that the paper's model leaves out.
@@ -45,6 +48,58 @@ pub struct ArmParameters {
 
 fn yes() -> bool {
     true
+}
+
+/// How much of the pneumatics is modelled. See [`crate::pneumatics`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PneumaticsLevel {
+    /// The commanded pressure acts.
+    Ideal,
+    /// First-order lag.
+    Lag,
+    /// Valve, spool, chamber and pressure controller.
+    Full,
+}
+
+/// The pneumatics of an arm, the same for every input. Keys that the level does not need may be absent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PneumaticsParameters {
+    /// How much is modelled.
+    pub level: PneumaticsLevel,
+    /// Time constant of filling, s (`lag`).
+    pub fill_time: Option<f64>,
+    /// Time constant of venting, s (`lag`).
+    pub vent_time: Option<f64>,
+    /// Absolute supply pressure, Pa (`full`, as all that follows).
+    pub supply_pressure: Option<f64>,
+    /// Absolute pressure behind the exhaust, Pa.
+    pub exhaust_pressure: Option<f64>,
+    /// Absolute pressure of the vacuum, Pa; none without.
+    pub vacuum_pressure: Option<f64>,
+    /// Sonic conductance C of ISO 6358, m^3/(s Pa).
+    pub sonic_conductance: Option<f64>,
+    /// The same towards exhaust and vacuum; `sonic_conductance` without.
+    pub exhaust_conductance: Option<f64>,
+    /// Critical pressure ratio b of ISO 6358.
+    pub critical_pressure_ratio: Option<f64>,
+    /// Temperature of the air, K.
+    pub air_temperature: Option<f64>,
+    /// Volume of an input besides its bellows, m^3.
+    pub dead_volume: Option<f64>,
+    /// Polytropic exponent of the air in the chambers.
+    pub polytropic_exponent: Option<f64>,
+    /// Time constant of the valve's spool, s.
+    pub spool_time: Option<f64>,
+    /// Spool travel without flow, as a part of its full travel.
+    pub spool_dead_band: Option<f64>,
+    /// Pressure controller: gain on the error, 1/s.
+    pub proportional_gain: Option<f64>,
+    /// Pressure controller: gain on the error's integral, 1/s^2.
+    pub integral_gain: Option<f64>,
+    /// Pressure controller: part of the reference's rate that is fed forward.
+    pub feed_forward: Option<f64>,
 }
 
 /// One section.

@@ -5,11 +5,13 @@ use crate::dynamics::Workspace;
 use crate::dynamics::recursion::ForwardDynamics;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
+use crate::effects::upstream::History;
 use crate::input::{Cursor, Input};
 use crate::integrate::System;
 use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::linear::Vec3;
+use crate::pneumatics::Chambers;
 use crate::real::Real;
 use std::sync::Arc;
 
@@ -17,6 +19,10 @@ use std::sync::Arc;
 const MOST_LANES: usize = 8;
 
 /// An arm under an input, or several abreast.
+///
+/// Pressures go from the input (or from outside, [`Plant::hold`]) through the arm's pneumatics, where it has any, into
+/// the chambers; those are what pressure sensors see. Effects on pressures act between these and the bellows. Arms
+/// abreast each have an input, and no pneumatics.
 #[derive(Clone, Debug)]
 pub struct Plant<T = f64> {
     /// The arm, or the arms abreast.
@@ -27,8 +33,16 @@ pub struct Plant<T = f64> {
     /// Time of the pressures, and whether from the left.
     read: (f64, bool),
     step_end: f64,
+    /// Pneumatics between commands and chambers.
+    chambers: Option<Chambers<T>>,
+    /// Pressures commanded from outside, in place of the input's.
+    held: Option<Vec<T>>,
+    /// Chamber pressures at the outputs since it was emptied last, one an input each; empty without pneumatics.
+    pub chamber_pressures: Vec<T>,
     /// Set up when the first step begins, where the arm has effects on pressures or on sensors.
     chain: Option<PressureChain<T>>,
+    /// What comes into the chain where that is not the input.
+    history: Option<History<T>>,
     sensors: Option<Sensors<T>>,
     begun: bool,
 }
@@ -56,7 +70,41 @@ impl<T: Real> Plant<T> {
         let drives = inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor }).collect();
         let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
         let (read, step_end) = ((f64::NAN, false), f64::INFINITY);
-        Self { arm, drives, ws, pressures, read, step_end, chain: None, sensors: None, begun: false }
+        Self {
+            arm,
+            drives,
+            ws,
+            pressures,
+            read,
+            step_end,
+            chambers: None,
+            held: None,
+            chamber_pressures: Vec::new(),
+            chain: None,
+            history: None,
+            sensors: None,
+            begun: false,
+        }
+    }
+
+    /// The same plant with the arm's pneumatics, at rest at lengths `q` under pressures `p`: pressures are commands.
+    pub fn with_pneumatics(mut self, q: &[T], p: &[T]) -> Self {
+        self.chambers = Chambers::new(&self.arm, q, p);
+        self
+    }
+
+    /// Whether pneumatics lie between commands and chambers.
+    pub fn has_pneumatics(&self) -> bool {
+        self.chambers.is_some()
+    }
+
+    /// Commands `p` from now on, in place of the input's pressures.
+    #[inline(always)]
+    pub fn hold(&mut self, p: &[T]) {
+        match &mut self.held {
+            Some(held) => held.copy_from_slice(p),
+            None => self.held = Some(p.to_vec()),
+        }
     }
 
     /// Whether there are external forces.
@@ -74,7 +122,18 @@ impl<T: Real> Plant<T> {
     pub fn begin(&mut self, t: f64, x: &[T]) {
         self.begun = true;
         self.read.0 = f64::NAN;
-        self.chain = PressureChain::new(&self.arm, &self.drives[0].input, t);
+        if self.chambers.is_some() || self.held.is_some() {
+            let mut p = self.pressures.clone();
+            self.chamber_pressures_into(t, &x[..x.len() / 2], &mut p);
+            let mut history = History::new(t, &p);
+            self.chain = PressureChain::new(&self.arm, &history, t);
+            if let Some(chain) = &self.chain {
+                history.reach(chain.horizon());
+                self.history = Some(history);
+            }
+        } else {
+            self.chain = PressureChain::new(&self.arm, &*self.drives[0].input, t);
+        }
         self.sensors = Sensors::new(&self.arm, t, x);
     }
 
@@ -87,49 +146,110 @@ impl<T: Real> Plant<T> {
         }
     }
 
-    /// Reads the inputs at `t` into the work space.
+    /// Pressures in the chambers at `t` and lengths `q`, within the last step, into `out`; the commands as they are
+    /// without pneumatics.
     #[inline(always)]
-    fn read_input(&mut self, t: f64) {
-        // At a step's end the limit from the left belongs to the step, also where a channel jumps.
+    pub fn chamber_pressures_into(&mut self, t: f64, q: &[T], out: &mut [T]) {
+        if let Some(chambers) = &mut self.chambers {
+            chambers.pressures(&self.arm, t, q, out);
+        } else if let Some(held) = &self.held {
+            out.copy_from_slice(held);
+        } else {
+            // At a step's end the limit from the left belongs to the step, also where a channel jumps.
+            let before = t >= self.step_end;
+            commands(&mut self.drives, t, before, out);
+        }
+    }
+
+    /// Reads the inputs at `t` into the work space; `q` are the lengths then.
+    #[inline(always)]
+    fn read_input(&mut self, t: f64, q: &[T]) {
         let before = t >= self.step_end;
-        if self.read == (t, before) {
+        // Chambers answer to the lengths: what they hold at a time is not known before the stage is.
+        if self.read == (t, before) && self.chambers.is_none() {
             return;
         }
         self.read = (t, before);
-        let Self { drives, pressures, ws, chain, arm, .. } = self;
-        let forces = drives[0].input.has_forces();
-        if let [drive] = drives.as_mut_slice() {
-            let place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
-            match chain {
-                Some(chain) => chain.acting(arm, &drive.input, t, pressures),
-                None => {
-                    for (j, p) in pressures.iter_mut().enumerate() {
-                        *p = T::from_f64(drive.input.pressure(place, j));
-                    }
-                }
-            }
-            if forces {
-                for (i, f) in ws.external.iter_mut().enumerate() {
-                    for (k, f) in f.0.iter_mut().enumerate() {
-                        *f = T::from_f64(drive.input.force(place, 3 * i + k));
-                    }
-                }
-            }
-            return;
+        let mut pressures = std::mem::take(&mut self.pressures);
+        match (&mut self.chain, &self.history) {
+            (Some(chain), Some(history)) => chain.acting(&self.arm, history, t, &mut pressures),
+            (Some(chain), None) => chain.acting(&self.arm, &*self.drives[0].input, t, &mut pressures),
+            (None, _) => self.chamber_pressures_into(t, q, &mut pressures),
         }
-        let mut places = [(0, 0.0); MOST_LANES];
-        for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
-            *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
+        self.pressures = pressures;
+        if self.has_forces() {
+            forces(&mut self.drives, t, before, &mut self.ws.external);
         }
-        for (j, p) in pressures.iter_mut().enumerate() {
+    }
+
+    /// Takes the chambers over the step from (`t0`, `x0`) to `t1`.
+    #[inline(always)]
+    fn begin_chambers(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        if let Some(chambers) = &mut self.chambers {
+            let (Drive { input, cursor, .. }, held) = (&mut self.drives[0], &self.held);
+            let from = input.weight(t0, false, cursor);
+            let to = input.weight(t1, true, cursor);
+            let reference = |j: usize| match held {
+                Some(p) => (p[j], p[j]),
+                None => (T::from_f64(input.pressure(from, j)), T::from_f64(input.pressure(to, j))),
+            };
+            chambers.begin_step(&self.arm, (t0, t1), x0.split_at(x0.len() / 2), reference);
+        }
+    }
+
+    /// Notes what comes into the chain over a step: with the lengths moving on evenly, since the chain comes first.
+    #[inline(always)]
+    fn begin_history(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        let Some(history) = &mut self.history else { return };
+        history.begin_step();
+        match (&mut self.chambers, &self.held) {
+            (Some(chambers), _) => chambers.predicted(&self.arm, |t, p| history.note(t, p)),
+            (None, Some(held)) => {
+                history.note(t0, held);
+                history.note(t1, held);
+            }
+            (None, None) => debug_assert!(x0.is_empty(), "a history has a source"),
+        }
+    }
+}
+
+/// Where each lane's input stands at `t`.
+#[inline(always)]
+fn places(drives: &mut [Drive], t: f64, before: bool) -> [(usize, f64); MOST_LANES] {
+    let mut places = [(0, 0.0); MOST_LANES];
+    for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
+        *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
+    }
+    places
+}
+
+/// The inputs' pressures at `t`.
+#[inline(always)]
+fn commands<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) {
+    let places = places(drives, t, before);
+    if let [drive] = drives {
+        for (j, p) in out.iter_mut().enumerate() {
+            *p = T::from_f64(drive.input.pressure(places[0], j));
+        }
+    } else {
+        for (j, p) in out.iter_mut().enumerate() {
             *p = T::from_lanes(|k| drives[k].input.pressure(places[k], j));
         }
-        if forces {
-            for (i, f) in ws.external.iter_mut().enumerate() {
-                for (c, f) in f.0.iter_mut().enumerate() {
-                    *f = T::from_lanes(|k| drives[k].input.force(places[k], 3 * i + c));
-                }
-            }
+    }
+}
+
+/// The inputs' forces at `t`.
+#[inline(always)]
+fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T>]) {
+    let places = places(drives, t, before);
+    let single = drives.len() == 1;
+    for (i, f) in out.iter_mut().enumerate() {
+        for (c, f) in f.0.iter_mut().enumerate() {
+            *f = if single {
+                T::from_f64(drives[0].input.force(places[0], 3 * i + c))
+            } else {
+                T::from_lanes(|k| drives[k].input.force(places[k], 3 * i + c))
+            };
         }
     }
 }
@@ -138,15 +258,19 @@ impl<T: Real> System<T> for Plant<T> {
     #[inline(always)]
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
         self.step_end = t1;
-        // The chain's pressures belong to the step.
-        if self.chain.is_some() {
+        // The chain's and the held pressures belong to the step.
+        if self.chain.is_some() || self.held.is_some() {
             self.read.0 = f64::NAN;
         }
         if !self.begun {
             self.begin(t0, x0);
         }
-        if let Some(chain) = &mut self.chain {
-            chain.begin_step(&self.arm, &self.drives[0].input, t0, t1);
+        self.begin_chambers(t0, t1, x0);
+        self.begin_history(t0, t1, x0);
+        match (&mut self.chain, &self.history) {
+            (Some(chain), Some(history)) => chain.begin_step(&self.arm, history, t0, t1),
+            (Some(chain), None) => chain.begin_step(&self.arm, &*self.drives[0].input, t0, t1),
+            (None, _) => {}
         }
         self.ws.effects.begin_step(&self.arm, t0, x0);
     }
@@ -154,20 +278,36 @@ impl<T: Real> System<T> for Plant<T> {
     #[inline(always)]
     fn end_step(&mut self, t1: f64, x1: &[T]) {
         self.ws.effects.end_step(&self.arm, t1, x1);
-        if let Some(chain) = &mut self.chain {
-            chain.end_step(&self.arm, &self.drives[0].input, t1);
+        match (&mut self.chain, &mut self.history) {
+            (Some(chain), Some(history)) => {
+                chain.end_step(&self.arm, history, t1);
+                history.end_step();
+            }
+            (Some(chain), None) => chain.end_step(&self.arm, &*self.drives[0].input, t1),
+            (None, _) => {}
+        }
+        if let Some(chambers) = &mut self.chambers {
+            chambers.end_step();
         }
         if let Some(sensors) = &mut self.sensors {
             sensors.end_step(t1, x1);
         }
     }
 
+    fn output(&mut self, t: f64, x: &[T]) {
+        if let Some(chambers) = &mut self.chambers {
+            let start = self.chamber_pressures.len();
+            self.chamber_pressures.resize(start + self.arm.inputs, T::zero());
+            chambers.pressures(&self.arm, t, &x[..x.len() / 2], &mut self.chamber_pressures[start..]);
+        }
+    }
+
     #[inline(always)]
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
-        self.read_input(t);
         self.ws.effects.time = t;
         let n = x.len() / 2;
         let (q, qd) = x.split_at(n);
+        self.read_input(t, q);
         let (dq, dqd) = dx.split_at_mut(n);
         dq.copy_from_slice(qd);
         let external = std::mem::take(&mut self.ws.external);
@@ -180,9 +320,9 @@ impl<T: Real> System<T> for Plant<T> {
     fn next_break(&mut self, t: f64) -> f64 {
         let next = |d: &Drive| d.input.next_jump(t + d.offset) - d.offset;
         let jump = self.drives.iter().map(next).fold(f64::INFINITY, f64::min);
-        match &self.chain {
-            Some(chain) => jump.min(chain.next_jump(&self.drives[0].input, t)),
-            None => jump,
+        match (&self.chain, &self.history) {
+            (Some(chain), None) => jump.min(chain.next_jump(&*self.drives[0].input, t)),
+            _ => jump,
         }
     }
 

@@ -10,6 +10,7 @@ use crate::integrate::{Integrator, Options, Statistics};
 use crate::kinematics::chain::{Motion, pass};
 use crate::linear::Vec3;
 use crate::plant::Plant;
+use crate::pneumatics::LONGEST_STEP;
 use std::sync::Arc;
 
 /// A simulation under way; [`Simulation::advance`] may be called again and again.
@@ -29,7 +30,7 @@ pub struct Rows {
     pub lengths: Vec<f64>,
     /// Their rates, 3n a row, m/s.
     pub velocities: Vec<f64>,
-    /// Pressures, one an input a row, Pa.
+    /// Pressures in the chambers, one an input a row, Pa.
     pub pressures: Vec<f64>,
     /// Origins of the heads in the base frame, 3n a row, m.
     pub head_positions: Vec<f64>,
@@ -47,14 +48,21 @@ impl Simulation {
     pub fn new(
         arm: Arc<Arm>,
         input: Arc<Input>,
-        options: Options,
+        mut options: Options,
         start: f64,
         q: Option<&[f64]>,
         qd: Option<&[f64]>,
     ) -> Result<Self> {
         let x = initial_state(&arm, &input, start, q, qd)?;
-        let ws = Workspace::new(&arm);
-        let (mut plant, cursor) = (Plant::new(arm, input.clone()), Cursor::default());
+        let n = arm.coordinates();
+        let (ws, mut cursor) = (Workspace::new(&arm), Cursor::default());
+        let place = input.weight(start, false, &mut cursor);
+        let p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
+        let mut plant = Plant::new(arm, input.clone()).with_pneumatics(&x[..n], &p);
+        if plant.has_pneumatics() {
+            options.step = options.step.min(LONGEST_STEP);
+            options.max_step = options.max_step.min(LONGEST_STEP);
+        }
         plant.begin(start, &x);
         Ok(Self { integrator: Integrator::new(options, start, &x), plant, input, ws, cursor })
     }
@@ -66,6 +74,7 @@ impl Simulation {
         let Self { plant, input, integrator, ws, cursor } = self;
         let arm = plant.arm.clone();
         let n = arm.coordinates();
+        let commanded = !plant.has_pneumatics();
         let mut rows = Rows {
             lengths: Vec::with_capacity(times.len() * n),
             velocities: Vec::with_capacity(times.len() * n),
@@ -81,8 +90,10 @@ impl Simulation {
             let mut sink = |t: f64, x: &[f64]| {
                 rows.lengths.extend_from_slice(&x[..n]);
                 rows.velocities.extend_from_slice(&x[n..2 * n]);
-                let place = input.weight(t, false, cursor);
-                rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+                if commanded {
+                    let place = input.weight(t, false, cursor);
+                    rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+                }
                 pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
                 if seen {
                     effects::poses::heads(&arm, &ws.links, |head| rows.head_positions.extend(head.position.0));
@@ -101,6 +112,9 @@ impl Simulation {
                 rows.measured_lengths.resize(start + n, 0.0);
                 plant.measured_lengths_into(*time, &last, &mut rows.measured_lengths[start..]);
             }
+        }
+        if !commanded {
+            rows.pressures = std::mem::take(&mut plant.chamber_pressures);
         }
         (rows, result)
     }

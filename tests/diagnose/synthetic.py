@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import bha
-from bha import _core
 from bha.parameters import ArmParameters
 
 SAMPLE_TIME = 5e-3
@@ -49,13 +47,10 @@ def pressures(time: NDArray[np.float64], kind: str, rng: np.random.Generator, in
 
 def simulated(arm: bha.Arm, time: NDArray[np.float64], p: NDArray[np.float64], effects: list[dict[str, Any]]) -> NDArray[np.float64]:
     """Measured lengths without noise."""
-    core = json.loads(arm.parameters.to_core_json())
-    core["effect"] = effects
-    built = _core.Arm(json.dumps(core))
-    run = _core.Simulation(built, time, p, None, method="rk4", step=2.5e-3, start=float(time[0]))
-    lengths, _, _, _, failure = run.advance(time)
-    assert failure is None, failure
-    return np.asarray(lengths)
+    tables = [{"kind": e["kind"], "where": e["where"], **e["parameters"]} for e in effects]
+    options = bha.Options(method="rk4", step=2.5e-3)
+    run = bha.simulate(arm.with_effects(tables), bha.Input(time, p), options=options)
+    return np.asarray(run.lengths if run.measured_lengths is None else run.measured_lengths)
 
 
 def make_logs(

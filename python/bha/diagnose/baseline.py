@@ -165,7 +165,14 @@ def disturbed_outputs(
     return result
 
 
-def sensors_of(prepared: Prepared, outputs: Sequence[Array]) -> list[SensorNoise]:
+def _add_to_bins(sums: Array, counts: Array, edges: Array, frequency: Array, power: Array) -> None:
+    place = np.searchsorted(edges, frequency) - 1
+    inside = (place >= 0) & (place < len(sums))
+    np.add.at(sums, place[inside], power[inside])
+    np.add.at(counts, place[inside], 1.0)
+
+
+def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence[Sequence[Array]]) -> list[SensorNoise]:
     """Noise of each output, coloured where the spectrum above the arm's motion says so; alike for one kind of sensor.
 
     The residual is taken at all rows of the logs, the simulation interpolated between its own: it is smooth.
@@ -187,11 +194,16 @@ def sensors_of(prepared: Prepared, outputs: Sequence[Array]) -> list[SensorNoise
         for record, thinned, y in zip(records, prepared.records, outputs, strict=True):
             smooth = CubicSpline(thinned.output_time, y[:, group])(record.output_time)
             power = np.mean((dct(record.outputs[:, group] - smooth, axis=0, norm="ortho") / white[group]) ** 2, axis=1)
-            place = np.searchsorted(edges, frequencies(len(record.rows), sample_time)) - 1
-            inside = (place >= 0) & (place < len(centres))
-            np.add.at(sums, place[inside], power[inside])
-            np.add.at(counts, place[inside], 1.0)
-        found = sensor_noise(sums / np.maximum(counts, 1.0), centres, sample_time, 1.0)
+            _add_to_bins(sums, counts, edges, frequencies(len(record.rows), sample_time), power)
+        known, draws = np.zeros(len(centres)), np.zeros(len(centres))
+        for thinned, changes in zip(prepared.records, disturbed, strict=True):
+            for change in changes:
+                # A coefficient of thinned rows holds less of the same spectrum.
+                power = np.mean((dct(change[:, group], axis=0, norm="ortho") / white[group]) ** 2, axis=1) * thinned.thinning
+                _add_to_bins(known, draws, edges, frequencies(len(change), thinned.sample_time), power)
+        known /= np.maximum(draws, 1.0)
+        total = float(counts.sum()) * len(group)
+        found = sensor_noise(sums / np.maximum(counts, 1.0), total, centres, sample_time, 1.0, known)
         for k in group:
             result[k] = SensorNoise(float(white[k]) * found.deviation, found.share, found.time)
     return result
@@ -233,7 +245,7 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
     else:
         fit = evaluate(problem, model, known["x"], list(known["states"]))
     disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
-    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs))
+    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed))
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
     known = cache.get("plain")
     if known is None:

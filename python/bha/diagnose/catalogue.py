@@ -48,12 +48,16 @@ class Shape:
         grid: where it is tried.
         logarithmic: whether it is positive and its logarithm is fitted.
         spread: how far a fit may plausibly move it from the grid, relative for logarithmic ones.
+        low: least value of this kind: beyond it another kind of the same form begins.
+        high: greatest value.
     """
 
     name: str
     grid: tuple[float, ...]
     logarithmic: bool = True
     spread: float = 1.0
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -167,7 +171,7 @@ class Candidate:
         for shape in (*self.plan.shapes, *self.plan.extra):
             unit, low, high = ranges(self.kind, shape.name)
             nominal = float(self.shape.get(shape.name, shape.grid[0]))
-            low = max(low, 1e-9) if shape.logarithmic else low
+            low, high = max(low, shape.low, 1e-9 if shape.logarithmic else -math.inf), min(high, shape.high)
             coordinate = Coordinate(
                 f"{where}: {shape.name}", unit, nominal, shape.spread, shape.logarithmic, (where, shape.name), low, high, prior=0.05
             )
@@ -326,16 +330,16 @@ INPUT = ("all", "section", "input")
 PLANS: tuple[KindPlan, ...] = (
     KindPlan("creep", BELLOWS, (Strength("stiffness", 100.0),), (Shape("tau", TAU_GRID),), parts="bellows", passive=("stiffness",)),
     KindPlan(
-        "hysteresis", BELLOWS, (Strength("force", 3.0),), (Shape("yield", (2e-3, 6e-3, 15e-3)),), parts="bellows", passive=("force",)
+        "hysteresis", BELLOWS, (Strength("amplitude", 3.0),), (Shape("yield", (2e-3, 6e-3, 15e-3), low=8e-4),), parts="bellows", passive=("amplitude",)
     ),
     KindPlan(
         "friction",
         BELLOWS,
-        (Strength("force", 2.0),),
+        (Strength("coulomb_force", 2.0),),
         fixed={"stribeck_velocity": 0.01},
         parts="bellows",
-        passive=("force",),
-        extra=(Shape("presliding", (3e-4,)), Shape("static_ratio", (1.2,), logarithmic=False, spread=0.3)),
+        passive=("coulomb_force",),
+        extra=(Shape("presliding", (3e-4,), low=2e-5, high=1e-3), Shape("static_ratio", (1.2,), logarithmic=False, spread=0.3, high=2.5)),
     ),
     KindPlan("quadratic_damping", BELLOWS, (Strength("damping", 60.0),), parts="bellows", passive=("damping",)),
     KindPlan("bending_damping", SECTION, (Strength("damping", 0.1),), parts="section", passive=("damping",)),

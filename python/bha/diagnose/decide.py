@@ -70,9 +70,7 @@ def gap_test(problem: Problem, holdout: Holdout, fit: Fit, prediction: Predictio
     here = evaluate(held, fit.model, fit.x, prediction.states)
     spread = columns(held, here, range(fit.model.size))
     parameters = float(np.sum((spread @ covariance) * spread)) / held.rows
-    blocks = len(prediction.blocks)
-    per_block = held.rows / max(blocks, 1)
-    deviation = np.sqrt(2.0 / per_block / max(blocks, 1)) * 2.0
+    deviation = float(np.sqrt(2.0 / held.rows))
     expected = 1.0 + parameters
     limit = expected * (1.0 + limits.model) + limits.deviations * deviation
     significant = prediction.mean_square > limit and ratio > limits.material

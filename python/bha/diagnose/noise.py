@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 TOP_FREQUENCY = 30.0
 #: Above this the outputs hold no motion to speak of, so that their spectrum is that of the sensors, Hz.
 QUIET_FREQUENCY = 15.0
-#: Least gain of the mean log-likelihood at which noise counts as coloured.
-COLOUR_GAIN = 0.02
+#: Least gain of the log-likelihood at which noise counts as coloured.
+COLOUR_GAIN = 15.0
 #: Fewest coefficients of one log in a band.
 BAND_COEFFICIENTS = 12
 
@@ -54,32 +54,42 @@ class SensorNoise:
         return np.asarray(1.0 - self.share + self.share * ar1_density(frequency, sample_time, self.time))
 
 
-def sensor_noise(spectra: Array, frequency: Array, sample_time: float, white: float) -> SensorNoise:
+def sensor_noise(
+    spectra: Array, count: float, frequency: Array, sample_time: float, white: float, known: Array | float = 0.0
+) -> SensorNoise:
     """White or coloured noise, from the spectrum of residuals above the arm's motion, by Whittle's likelihood.
 
     Args:
         spectra: squares of cosine coefficients, averaged over channels and logs that share a kind of sensor, shape (k,), m^2.
+        count: coefficients that were averaged, in all.
         frequency: their frequencies, Hz: only such at which the arm does not move.
         sample_time: of the sensor, s.
         white: standard deviation if the noise is white, m.
+        known: what is in the spectra beside the noise of the sensors: the work of the pressure noise, m^2.
     """
     # Averages over bins: the likelihood then is that of chi-squared means, whatever their number of degrees.
     def loss(x: Array) -> float:
         variance, share, time = np.exp(x[0]), 1.0 / (1.0 + np.exp(-x[1])), np.exp(x[2])
-        density = variance * (1.0 - share + share * ar1_density(frequency, sample_time, time))
+        density = variance * (1.0 - share + share * ar1_density(frequency, sample_time, time)) + known
         return float(np.mean(np.log(density) + spectra / density))
 
-    plain = float(np.mean(np.log(np.mean(spectra)) + 1.0))
+    def white_loss(x: Array) -> float:
+        return loss(np.array([x[0], -50.0, np.log(sample_time)]))
+
+    level = float(np.log(max(np.mean(spectra - known), 1e-3 * np.mean(spectra))))
+    plain = float(minimize(white_loss, [level], method="Nelder-Mead").fun)
     best: tuple[float, Array] | None = None
     for start in (0.01, 0.03, 0.1):
-        found = minimize(loss, [np.log(np.mean(spectra)), 0.0, np.log(start)], method="Nelder-Mead", options={"maxiter": 400})
+        found = minimize(loss, [level, 0.0, np.log(start)], method="Nelder-Mead", options={"maxiter": 400})
         if best is None or found.fun < best[0]:
             best = (float(found.fun), np.asarray(found.x))
     assert best is not None
     share, time = 1.0 / (1.0 + np.exp(-best[1][1])), float(np.exp(best[1][2]))
-    if (plain - best[0]) < COLOUR_GAIN or share < 0.1 or not sample_time < time < 0.5:
+    deviation = float(np.exp(0.5 * best[1][0]))
+    weak = 0.5 * count * (plain - best[0]) < COLOUR_GAIN or share < 0.1
+    if weak or not sample_time < time < 0.2 or deviation > 2.0 * white:
         return SensorNoise(white)
-    return SensorNoise(float(np.exp(0.5 * best[1][0])), float(share), time)
+    return SensorNoise(deviation, float(share), time)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +19,8 @@ from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
 from bha.diagnose.engine import Engine, Job
 from bha.diagnose.fit import Problem, with_sensitivities
 from bha.diagnose.holdout import Holdout
-from bha.diagnose.intervals import confidences, intervals
-from bha.diagnose.model import Model, plain_model
+from bha.diagnose.intervals import confidences, coordinate_draws, intervals
+from bha.diagnose.model import EffectTerm, Model, plain_model
 from bha.diagnose.noise import Whitener
 from bha.diagnose.records import Record, prepare, split
 from bha.diagnose.refit import Trial, bic, correlation_length
@@ -304,17 +304,15 @@ def _effects(
 ) -> list[Effect]:
     result = []
     at = len(final.fit.model.plain)
+    draws = coordinate_draws(problem, final.fit, seed)
     for number, candidate in enumerate(final.candidates):
         term = final.fit.model.effects[number]
-        parameters: dict[str, Number] = {k: Number(value=v, unit="") for k, v in term.fixed.items()}
-        empirical = False
-        for coordinate in term.coordinates:
-            value, interval = coordinate.value(float(final.fit.x[at])), uncertainty[at]
-            name = str(coordinate.path[-1])
-            bound = coordinate.at_bound(float(final.fit.x[at]))
-            parameters[name] = Number(value=value, unit=coordinate.unit, ci95=interval, at_bound=bound)
-            empirical |= bound or (name in candidate.plan.passive and interval[1] < 0.0)
-            at += 1
+        x = final.fit.x[at : at + len(term.coordinates)]
+        bounds = {str(c.path[-1]): c.at_bound(float(v)) for c, v in zip(term.coordinates, x, strict=True)}
+        spans = {str(c.path[-1]): uncertainty[at + k] for k, c in enumerate(term.coordinates)}
+        parameters = _numbers(term, x, draws[:, at : at + len(term.coordinates)], bounds)
+        empirical = any(bounds.values()) or any(spans[name][1] < 0.0 for name in candidate.plan.passive if name in spans)
+        at += len(term.coordinates)
         rivals = _rivals(state, final, number, problem, correlation)
         alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
         if state.screening is not None:
@@ -334,6 +332,22 @@ def _effects(
                 experiment=excitation.next_experiment(kinds, []) if alike else "",
             )
         )
+    return result
+
+
+def _numbers(term: EffectTerm, x: Array, draws: Array, bounds: Mapping[str, bool]) -> dict[str, Number]:
+    """The numbers of the parameter file with their intervals, whatever coordinates they were fitted in."""
+    ranges = catalogue.core_ranges()
+    values = term.parameters([float(v) for v in x])
+    repeats = [term.parameters([float(v) for v in x + d]) for d in draws]
+    result = {}
+    for name, value in values.items():
+        found = np.array([r[name] for r in repeats])
+        interval = None
+        if name not in term.fixed and np.any(found != found[0]):
+            low, high = np.quantile(found, [0.025, 0.975])
+            interval = (float(low), float(high))
+        result[name] = Number(value=value, unit=ranges(term.kind, name)[0], ci95=interval, at_bound=bounds.get(name, False))
     return result
 
 

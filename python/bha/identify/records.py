@@ -6,6 +6,7 @@ pressure was frozen while the arm moved on are found and left out of residuals; 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -197,7 +198,7 @@ def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 
         pieces = 1 if length is None else max(1, round(rec.duration / length))
         edges = np.searchsorted(rec.time, np.linspace(rec.time[0], rec.time[-1], pieces + 1))
         edges[-1] = len(rec)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in itertools.pairwise(edges):
             if last - first >= min_rows and rec.usable[first:last].any():
                 made.append(Window(number, int(first), int(last)))
     if not made:

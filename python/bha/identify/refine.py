@@ -244,7 +244,9 @@ def _stage_problem(
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
     """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
     arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
-    return np.stack([guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces])
+    return np.stack(
+        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
+    )
 
 
 def scales(problem: Problem, point: Point) -> Residuals:

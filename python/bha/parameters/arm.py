@@ -19,6 +19,7 @@ from bha.parameters import messages
 from bha.parameters.base import NotNegative, Switch, Table, Vector3, key
 from bha.parameters.document import merged_toml
 from bha.parameters.effect import EffectParameters, check_effects
+from bha.parameters.pneumatics import PneumaticsParameters
 from bha.parameters.provenance import (
     ASSUMED,
     Provenance,
@@ -31,7 +32,7 @@ from bha.parameters.section import SectionParameters
 
 SCHEMA = "bha-arm/1"
 ForceModel = Literal["end_force", "work_conjugate"]
-_NOT_VALUES = ("schema_name", "name", "sections", "effects", "provenance")
+_NOT_VALUES = ("schema_name", "name", "sections", "pneumatics", "effects", "provenance")
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class ArmParameters(Table):
     rotational_energy: Switch = key("true or false", default=True)
     coriolis_forces: Switch = key("true or false", default=True)
     provenance: ProvenanceTable = provenance_key()
+    pneumatics: PneumaticsParameters | None = key("a [pneumatics] table; left out: ideal pressures", default=None)
     sections: tuple[SectionParameters, ...] = key(
         "one [[section]] table, in double brackets, per section of the arm", alias="section", min_length=1
     )
@@ -167,7 +169,7 @@ class ArmParameters(Table):
 
     def to_mapping(self) -> dict[str, Any]:
         """The nested mapping that the file amounts to: what was stated, nothing that is left to defaults."""
-        mapping = _stated_mapping(self, {"provenance", "sections", "effects"})
+        mapping = _stated_mapping(self, {"provenance", "pneumatics", "sections", "effects"})
         tables: list[dict[str, Any]] = []
         for section in self.sections:
             table = _stated_mapping(section, {"provenance", "bellows"})
@@ -182,6 +184,10 @@ class ArmParameters(Table):
             tables.append(table)
         if self.provenance:
             mapping["provenance"] = provenance_mapping(self.provenance)
+        if self.pneumatics is not None:
+            mapping["pneumatics"] = _stated_mapping(self.pneumatics, {"provenance"})
+            if self.pneumatics.provenance:
+                mapping["pneumatics"]["provenance"] = provenance_mapping(self.pneumatics.provenance)
         mapping["section"] = tables
         if self.effects:
             mapping["effect"] = [effect.to_mapping() for effect in self.effects]
@@ -224,7 +230,7 @@ class ArmParameters(Table):
             }
             for number, section in enumerate(self.sections, start=1)
         ]
-        core = {
+        core: dict[str, Any] = {
             "name": self.name,
             "gravity": self.gravity,
             "ambient_pressure": self.ambient_pressure,
@@ -235,11 +241,15 @@ class ArmParameters(Table):
             "section": sections,
             "effect": [effect.to_core() for effect in self.effects],
         }
+        if self.pneumatics is not None:
+            core["pneumatics"] = self.pneumatics.to_core()
         return json.dumps(core, allow_nan=False)
 
     def stated_values(self) -> Iterator[StatedValue]:
         """Every value the file states, in its order of tables, with where it comes from."""
         yield from _stated(self, None, None, set(_NOT_VALUES))
+        if self.pneumatics is not None:
+            yield from _stated(self.pneumatics, None, None, {"provenance"})
         for number, section in enumerate(self.sections, start=1):
             yield from _stated(section, number, None, {"bellows", "provenance"})
             for place, bellows in enumerate(section.bellows or (), start=1):

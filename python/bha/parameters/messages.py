@@ -101,7 +101,10 @@ def _locate(model: type[BaseModel], loc: Location) -> tuple[Location, type[BaseM
             path.append(part)
             continue
         if name:
-            break
+            inner = _table_of(table, name)
+            if inner is None:
+                break
+            table = inner
         name = part
         path.append(part)
     return tuple(path), table, name

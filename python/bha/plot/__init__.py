@@ -5,6 +5,7 @@ from __future__ import annotations
 from bha.plot.errors import plot_errors
 from bha.plot.shape import plot_shape
 from bha.plot.style import write_figure
+from bha.plot.tracking import plot_tracking
 from bha.plot.trajectories import plot_trajectories
 
-__all__ = ["plot_errors", "plot_shape", "plot_trajectories", "write_figure"]
+__all__ = ["plot_errors", "plot_shape", "plot_tracking", "plot_trajectories", "write_figure"]

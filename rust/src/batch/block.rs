@@ -36,8 +36,11 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
         let (effects, inputs) = (&batch.arms[m.arm].effects.list, batch.arms[m.arm].inputs);
         effects.iter().any(|e| (0..inputs).any(|j| e.kind.input_delay(j).is_some()))
     };
+    let plain = |m: &Member<'_>| batch.arms[m.arm].pneumatics.is_none();
     let same_forces = batch.inputs[a.input].force_count() == batch.inputs[b.input].force_count();
     same_times
+        && plain(a)
+        && plain(b)
         && (same_clock || same_forces && free(a) && free(b))
         && (a.arm == b.arm || !delayed(a) && same_structure(&batch.arms[a.arm], &batch.arms[b.arm]))
 }

@@ -7,7 +7,7 @@
 use super::Workspace;
 use super::recursion::{Inertia, body_tensor};
 use crate::arm::Arm;
-use crate::forces::{ForceSet, Load, accumulate, project};
+use crate::forces::{ForceSet, accumulate, project};
 use crate::kinematics::chain::{Link, Motion, pass, subspace_rate};
 use crate::kinematics::coordinates::force_on_lengths;
 use crate::kinematics::section::Subspace;
@@ -150,17 +150,22 @@ pub fn generalized_force_into<T: Real>(
 
 /// d tau/dp into `out` (coordinates x inputs, row by row): tau(q, p) = A(q) (p - p_amb), for all inputs at once.
 pub fn actuation_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
-    let inputs = arm.inputs;
     pass(arm, q, &[], Motion::Pose, &mut ws.links);
+    let mut p = vec![arm.ambient_pressure; arm.inputs];
+    actuation_columns(arm, ws, &mut p, out);
+}
+
+/// The same from a pass in the work space, without allocating: `p` (one an input) is work space.
+pub fn actuation_columns<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, p: &mut [T], out: &mut [T]) {
+    let inputs = arm.inputs;
     let set = ForceSet { actuation: true, ..ForceSet::NONE };
-    let mut p = vec![arm.ambient_pressure; inputs];
-    let mut loads = vec![Load::zero(); arm.sections.len()];
+    p.fill(arm.ambient_pressure);
     for j in 0..inputs {
         p[j] = arm.ambient_pressure + 1.0;
         // One pascal above ambient loses digits against 1e5 Pa; the difference actually represented is divided out.
         let unit = (p[j] - arm.ambient_pressure).recip();
-        accumulate(arm, set, &p, None, &ws.links, &mut ws.effects, &mut loads);
-        project(&ws.links, &loads, |i, force| {
+        accumulate(arm, set, p, None, &ws.links, &mut ws.effects, &mut ws.loads);
+        project(&ws.links, &ws.loads, |i, force| {
             let f = force_on_lengths(force * unit, arm.sections[i].inverse_radius);
             for k in 0..3 {
                 out[(3 * i + k) * inputs + j] = f.0[k];

@@ -68,6 +68,7 @@ fn parameters(sections: &[Vec<f64>], gravity: [f64; 3], force_model: ForceModel)
         rotational_energy: true,
         coriolis_forces: true,
         inputs: (0..3 * sections.len()).map(|k| format!("p{k}")).collect(),
+        pneumatics: None,
         section: sections.iter().enumerate().map(|(i, x)| section(i, x)).collect(),
         effect: Vec::new(),
     }

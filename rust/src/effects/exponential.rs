@@ -10,8 +10,9 @@ use crate::real::Real;
 pub fn phi<T: Real>(x: T) -> [T; 4] {
     let one = T::one();
     // Downward from the series, exact to 1e-15 for x <= 1/2.
-    let y = x.min(T::from_f64(0.5));
-    let mut s3 = T::from_f64(0.0);
+    let (half, large) = (T::from_f64(0.5), x - 0.5);
+    let y = T::select(large, half, x);
+    let mut s3 = T::zero();
     // 1 / (j + 3)! for j = 10 ... 0.
     const C: [f64; 11] = [
         1.0 / 6_227_020_800.0,
@@ -29,17 +30,16 @@ pub fn phi<T: Real>(x: T) -> [T; 4] {
     for c in C {
         s3 = T::from_f64(c) - y * s3;
     }
-    let s2 = T::from_f64(0.5) - y * s3;
+    let s2 = half - y * s3;
     let s1 = one - y * s2;
     let s0 = one - y * s1;
     // Upward from the exponential for the rest.
-    let z = x.max(T::from_f64(0.5));
+    let z = T::select(large, x, half);
     let inverse = z.recip();
     let e0 = (-z).exp();
     let e1 = (one - e0) * inverse;
     let e2 = (one - e1) * inverse;
-    let e3 = (T::from_f64(0.5) - e2) * inverse;
-    let large = x - T::from_f64(0.5);
+    let e3 = (half - e2) * inverse;
     [T::select(large, e0, s0), T::select(large, e1, s1), T::select(large, e2, s2), T::select(large, e3, s3)]
 }
 

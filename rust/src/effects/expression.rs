@@ -220,12 +220,13 @@ fn function(call: &syn::ExprCall, names: &[&str], out: &mut Vec<Op>) -> Result<(
 }
 
 fn number(lit: &Lit) -> Option<f64> {
-    let value: f64 = match lit {
-        Lit::Int(i) if i.suffix().is_empty() => i.base10_parse().ok()?,
-        Lit::Float(f) if f.suffix().is_empty() => f.base10_parse().ok()?,
+    // As it is written: no hexadecimal digits, no suffix of a type.
+    let text = match lit {
+        Lit::Int(i) => i.to_string(),
+        Lit::Float(f) => f.to_string(),
         _ => return None,
     };
-    value.is_finite().then_some(value)
+    text.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
 #[cfg(test)]
@@ -248,8 +249,10 @@ mod tests {
         assert!(text_of("pow(q, c)").contains("whole number"));
         assert!(text_of("tanh(q, c)").contains("takes 1 arguments, found 2"));
         assert!(text_of("q; c").contains("at character 2"));
-        assert!(text_of("0x10 * q").contains("decimal") || parse("0x10 * q", &["q"]).is_ok());
-        assert!(text_of("{ loop {} }").contains("allowed"));
+        assert!(text_of("0x10 * q").contains("at character 1: a decimal number is needed"));
+        assert!(text_of("1f64 * q").contains("decimal") && text_of("1e999 * q").contains("decimal"));
+        assert_eq!(parse("1e-3", &[]).unwrap(), [Op::Constant(1e-3)]);
+        assert!(text_of("{ loop {} }").contains("at character "));
         assert!(text_of(&"(".repeat(500)).contains("nests too deeply"));
         assert!(text_of(&"-".repeat(900)).contains("nests too deeply"));
         assert!(text_of(&format!("q{}", " - (q".repeat(20) + &")".repeat(20))).contains("intermediate"));

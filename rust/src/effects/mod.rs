@@ -30,6 +30,7 @@ mod slip;
 pub mod state;
 #[cfg(test)]
 mod tests;
+pub mod upstream;
 
 pub use kinds::{KINDS, Kind, KindInfo};
 pub use list::{Effects, Entry};

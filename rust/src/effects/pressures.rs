@@ -5,8 +5,9 @@
 //! the step's start when a step is begun again. Every stage is exact on a straight piece of what comes in (see the kinds); a stage after
 //! a lag gets the chord of the lag's output, an error of second order in the distance of samples.
 
+use super::upstream::Upstream;
 use crate::arm::Arm;
-use crate::input::{Cursor, Input};
+use crate::input::Cursor;
 use crate::real::Real;
 
 /// The pressures of one run on their way through the chain.
@@ -30,7 +31,7 @@ pub struct PressureChain<T> {
 
 impl<T: Real> PressureChain<T> {
     /// The chain of `arm`; none where no effect acts on pressures. At rest at `start` under what comes in then.
-    pub fn new(arm: &Arm<T>, input: &Input, start: f64) -> Option<Self> {
+    pub fn new(arm: &Arm<T>, input: &impl Upstream<T>, start: f64) -> Option<Self> {
         let list = &arm.effects.list;
         let delays: Vec<Option<T>> = (0..arm.inputs)
             .map(|j| {
@@ -72,22 +73,21 @@ impl<T: Real> PressureChain<T> {
 
     /// What comes in at `t`, with its delays, into the first row of `next`.
     #[inline(always)]
-    fn read(&mut self, input: &Input, t: f64) {
+    fn read(&mut self, input: &impl Upstream<T>, t: f64) {
         // Within a step the limit from inside belongs to it where a channel jumps at its ends.
-        let place = input.weight(t, t >= self.end, &mut self.cursor);
+        input.read(t, t >= self.end, &mut self.cursor, &mut self.next[..self.inputs]);
         let hair = 1e-9 * (1.0 + t.abs());
         let inside = t.max(self.start + hair).min(self.end - hair);
         for j in 0..self.inputs {
-            self.next[j] = match self.delays[j] {
-                None => T::from_f64(input.pressure(place, j)),
-                Some(delay) => input.pressure_at(-delay + inside, j),
-            };
+            if let Some(delay) = self.delays[j] {
+                self.next[j] = input.delayed(-delay + inside, j);
+            }
         }
     }
 
     /// A step from `t0` to `t1` begins, or begins again.
     #[inline(always)]
-    pub fn begin_step(&mut self, arm: &Arm<T>, input: &Input, t0: f64, t1: f64) {
+    pub fn begin_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t0: f64, t1: f64) {
         (self.start, self.time, self.end) = (t0, t0, t1);
         // What comes in may have jumped.
         self.values.copy_from_slice(&self.start_values);
@@ -99,21 +99,21 @@ impl<T: Real> PressureChain<T> {
 
     /// The step was accepted.
     #[inline(always)]
-    pub fn end_step(&mut self, arm: &Arm<T>, input: &Input, t1: f64) {
+    pub fn end_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t1: f64) {
         self.go(arm, input, t1);
         self.start_values.copy_from_slice(&self.values);
     }
 
     /// The pressures that act at `t`, within the step begun last, into `out`.
     #[inline(always)]
-    pub fn acting(&mut self, arm: &Arm<T>, input: &Input, t: f64, out: &mut [T]) {
+    pub fn acting(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64, out: &mut [T]) {
         self.go(arm, input, t);
         out.copy_from_slice(&self.values[self.values.len() - self.inputs..]);
     }
 
     /// To `t`, from sample to sample.
     #[inline(always)]
-    fn go(&mut self, arm: &Arm<T>, input: &Input, t: f64) {
+    fn go(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64) {
         if t < self.time {
             let (start, end) = (self.start, self.end);
             self.begin_step(arm, input, start, end);
@@ -144,8 +144,13 @@ impl<T: Real> PressureChain<T> {
         self.values.copy_from_slice(&self.next);
     }
 
+    /// How far back the delays reach, s.
+    pub fn horizon(&self) -> f64 {
+        self.delays.iter().flatten().fold(0.0, |m: f64, d| m.max(d.largest()))
+    }
+
     /// The first time after `t` at which a delayed input jumps.
-    pub fn next_jump(&self, input: &Input, t: f64) -> f64 {
+    pub fn next_jump(&self, input: &impl Upstream<T>, t: f64) -> f64 {
         let mut first = f64::INFINITY;
         for delay in self.delays.iter().flatten() {
             for d in [delay.smallest(), delay.largest()] {

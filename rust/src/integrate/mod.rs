@@ -23,6 +23,8 @@ pub trait System<T: Real> {
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]);
     /// The step was accepted and ended at (`t1`, `x1`).
     fn end_step(&mut self, _t1: f64, _x1: &[T]) {}
+    /// An output at (`t`, `x`), within the step accepted last: the place to note hidden states for the record.
+    fn output(&mut self, _t: f64, _x: &[T]) {}
     /// The first time after `t` at which f is discontinuous in t; steps end there.
     fn next_break(&mut self, _t: f64) -> f64 {
         f64::INFINITY

@@ -151,9 +151,11 @@ impl<T: Real> Integrator<T> {
                 }
             }
             if wanted >= self.t {
+                system.output(wanted, &self.x);
                 sink(wanted, &self.x);
             } else {
                 self.interpolate(wanted);
+                system.output(wanted, &self.output);
                 sink(wanted, &self.output);
             }
         }

@@ -3,6 +3,7 @@
 mod arm;
 mod arrays;
 mod batch;
+mod control;
 mod derivatives;
 mod effects;
 mod errors;
@@ -20,6 +21,13 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
+    m.add_class::<control::PyStepper>()?;
+    m.add_class::<control::PyController>()?;
+    m.add_function(wrap_pyfunction!(control::closed_loop, m)?)?;
+    m.add_function(wrap_pyfunction!(control::rest_near, m)?)?;
+    m.add_function(wrap_pyfunction!(control::resolved_motion, m)?)?;
+    m.add_function(wrap_pyfunction!(control::linearize, m)?)?;
+    m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
     m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
     m.add_function(wrap_pyfunction!(batch::instruction_sets, m)?)?;

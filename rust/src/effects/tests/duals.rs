@@ -33,9 +33,10 @@ fn outputs<T: Real>(arm: &Arm<T>) -> Vec<T> {
         (lift(&later.iter().zip(&qd).map(|(q, v)| q + h * v).collect::<Vec<_>>()), x1[9..].to_vec());
     forward_dynamics_into(arm, &q2, &v2, &lift::<T>(&pressures()), None, &mut ws, &mut out);
     heads(arm, &ws.links, |head| out.extend(head.position.0.map(|x| x * 100.0)));
-    // A rising and a falling channel through the chain.
-    let samples = [0.0, 0.01, 0.02];
-    let rows = samples.iter().flat_map(|t| (0..9).map(move |k| 1.2e5 + (f64::from(k) - 3.5) * 1e6 * t)).collect();
+    // Channels that rise and fall through the chain.
+    let samples = [(0.0, 0.0), (0.01, 1e4), (0.02, -2e4)];
+    let rows = samples.iter().flat_map(|(_, p)| (0..9).map(move |k| 1.2e5 + (f64::from(k) - 3.5) * p)).collect();
+    let samples = samples.map(|(t, _)| t);
     let input = Input::new(samples.to_vec(), (rows, 9), (Vec::new(), 0), Interpolation::Linear).unwrap();
     if let Some(mut chain) = PressureChain::new(arm, &input, 0.0) {
         let mut p = vec![T::zero(); 9];

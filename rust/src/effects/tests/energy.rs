@@ -31,7 +31,7 @@ fn passive(which: usize, strength: f64, scale: f64) -> EffectParameters {
                 ("damping", 30.0 * scale),
                 ("wall_z", 0.74),
                 ("normal_z", -1.0),
-                ("rounding", 1e-4),
+                ("rounding", 1e-5),
             ],
         ),
     }

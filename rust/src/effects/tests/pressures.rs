@@ -112,7 +112,8 @@ fn delay_gain_and_offset() {
     for (t, p) in times[1..].iter().zip(acting(&effects, &ramp, &times)) {
         let s = (t - 0.02).max(0.0);
         let u = if s < 0.5 { 1e5 + 2e5 * s } else { 2e5 - 1.4e5 * (s - 0.5) };
-        assert!((p - (1.02 * u - 300.0)).abs() < 1e-6, "{t}: {p} {u}");
+        // What comes in is read a nanosecond within the step.
+        assert!((p - (1.02 * u - 300.0)).abs() < 1e-3, "{t}: {p} {u}");
     }
     // A jump arrives later, and a step ends on it.
     let jump = input(&[(0.0, 1e5), (0.5, 2e5)], Interpolation::Hold);

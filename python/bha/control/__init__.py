@@ -1,0 +1,42 @@
+"""Control of an arm: references, controllers and observers that run in the core, closed loops, and stepping from
+outside.
+
+A controller holds a model of its own, an :class:`bha.Arm` that need not be the plant's. Everything that runs every
+period runs in the compiled core; a Python function ``controller(t, y) -> p`` can stand in for it.
+"""
+
+from bha.control.controllers import (
+    Controller,
+    FeedbackLinearization,
+    GravityPd,
+    LinearQuadraticRegulator,
+    Pid,
+    StaticModel,
+)
+from bha.control.limits import Limits
+from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
+from bha.control.observers import FilteredDifference, KalmanFilter
+from bha.control.references import Reference, hold, point_to_point, tip_circle, tip_line, tip_path
+from bha.control.stepper import Stepper
+
+__all__ = [
+    "ClosedLoopRun",
+    "Controller",
+    "FeedbackLinearization",
+    "FilteredDifference",
+    "GravityPd",
+    "KalmanFilter",
+    "Limits",
+    "LinearQuadraticRegulator",
+    "Pid",
+    "Reference",
+    "Sensors",
+    "StaticModel",
+    "Stepper",
+    "hold",
+    "point_to_point",
+    "simulate_closed_loop",
+    "tip_circle",
+    "tip_line",
+    "tip_path",
+]

@@ -1,0 +1,175 @@
+"""``bha control``: controllers leading a plant along a reference, compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.table import Table
+
+from bha import robots
+from bha.arm import Arm
+from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors
+from bha.control.controllers import (
+    Controller,
+    FeedbackLinearization,
+    GravityPd,
+    LinearQuadraticRegulator,
+    Pid,
+    StaticModel,
+)
+from bha.control.limits import Limits
+from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
+from bha.control.references import Reference, point_to_point, tip_circle
+from bha.errors import InputError
+from bha.parameters import PneumaticsLevel
+
+CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
+    "pid": Pid,
+    "gravity_pd": GravityPd,
+    "static": StaticModel,
+    "reduced": lambda arm: FeedbackLinearization(arm, dynamics="reduced"),
+    "full": FeedbackLinearization,
+    "lqr": LinearQuadraticRegulator,
+}
+
+
+@click.command()
+@arm_argument
+@click.option("--plant", "plant_path", metavar="PLANT", help="The arm that moves; ARM itself if left out.")
+@click.option("--reference", metavar="circle|move|FILE", default="circle", show_default=True,
+              help="A circle of the tip, a fast move between two poses, or a file with lengths (q11 ...) over time.")  # fmt: skip
+@click.option("--radius", type=float, default=0.12, show_default=True, help="Radius of the circle [m].")
+@click.option("--speed", type=float, default=0.4, show_default=True, help="Speed of the tip on the circle [m/s].")
+@click.option("--controller", "names", multiple=True, type=click.Choice(list(CONTROLLERS)),
+              help="May be given several times; all if left out.")  # fmt: skip
+@click.option("--pneumatics", type=click.Choice(["ideal", "lag", "full"]),
+              help="Level of both arms' pneumatics; what their files say if left out.")  # fmt: skip
+@click.option("--length-noise", type=float, default=1e-4, show_default=True, help="Noise of measured lengths [m].")
+@click.option("--pressure-noise", type=float, default=100.0, show_default=True, help="Noise of pressures [Pa].")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
+@click.option("--period", type=float, default=1e-3, show_default=True, help="Control period [s].")
+@click.option("--out", metavar="TRAJ", type=click.Path(path_type=Path, dir_okay=False),
+              help="Trajectory file of the last controller: .parquet, .csv, .csv.gz or .npz.")  # fmt: skip
+@click.option("--plot", metavar="FIGURE", type=click.Path(path_type=Path, dir_okay=False),
+              help="Figure of the tip errors: .pdf, .svg or .png.")  # fmt: skip
+@json_option
+@reports_errors
+def control(
+    arm: Arm,
+    plant_path: str | None,
+    reference: str,
+    radius: float,
+    speed: float,
+    names: tuple[str, ...],
+    pneumatics: PneumaticsLevel | None,
+    length_noise: float,
+    pressure_noise: float,
+    seed: int,
+    period: float,
+    out: Path | None,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Let controllers whose model is ARM lead a plant along a reference, and compare how they follow.
+
+    ARM and PLANT are parameter files or names of shipped arms.
+    """
+    plant = arm if plant_path is None else _arm(plant_path)
+    if pneumatics is not None:
+        arm, plant = (a.with_changes(pneumatics=pneumatics) for a in (arm, plant))
+    sensors = Sensors(length_noise, pressure_noise, seed)
+    runs: dict[str, ClosedLoopRun] = {}
+    with progress_bar(hidden=as_json) as bar:
+        chosen = names or tuple(CONTROLLERS)
+        task = bar.add_task("reference", total=float(len(chosen)))
+        target = reference_of(arm, reference, radius, speed, period)
+        for name in chosen:
+            bar.update(task, description=name)
+            runs[name] = simulate_closed_loop(plant, CONTROLLERS[name](arm), target, sensors=sensors)
+            bar.advance(task)
+    written = [] if out is None else [runs[chosen[-1]].trajectory.write(out)]
+    if plot is not None:
+        from bha.plot import plot_tracking, write_figure  # noqa: PLC0415  (an optional extra)
+
+        written.append(write_figure(plot_tracking(runs, title=f"{plant.name}, led by the model {arm.name}"), plot))
+    _report(arm, plant, target, runs, written, as_json)
+
+
+def _arm(path: str) -> Arm:
+    return robots.load(path) if not Path(path).exists() and path in robots.names() else Arm.load(path)
+
+
+def reference_of(arm: Arm, kind: str, radius: float, speed: float, period: float) -> Reference:
+    """The reference that the options ask for.
+
+    Raises:
+        InputError: neither a kind of reference nor a file, or a file without lengths.
+    """
+    if kind == "circle":
+        return tip_circle(arm, radius, max_velocity=speed, period=period)
+    if kind == "move":
+        limits = Limits.of(arm)
+        middle, half = (limits.shortest + limits.longest) / 2, (limits.longest - limits.shortest) / 2
+        bend = np.tile([-0.3, 0.15, 0.15], arm.section_count)
+        fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
+        start, end = middle - 0.1 * half, middle + (bend - 0.1) * half
+        there = point_to_point(start, end, period=period, **fast)
+        return there.followed_by(point_to_point(end, start, period=period, **fast))
+    path = Path(kind)
+    if not path.exists():
+        raise InputError(f"reference: {kind!r} is neither circle nor move nor a file")
+    from bha.log import Log  # noqa: PLC0415  (units are only loaded where a log is used)
+
+    log = Log.read(path)
+    if log.lengths is None or log.lengths.shape[1] != 3 * arm.section_count:
+        raise InputError(f"{path}: a reference needs the lengths q11 ... of all {arm.section_count} sections")
+    time = np.arange(log.time[0], log.time[-1], period)
+    lengths = np.column_stack([np.interp(time, log.time, column) for column in log.lengths.T])
+    velocities = np.gradient(lengths, period, axis=0)
+    return Reference(period, lengths, velocities, np.gradient(velocities, period, axis=0))
+
+
+def table(runs: dict[str, ClosedLoopRun], title: str) -> Table:
+    """How well each run followed, a row each."""
+    out = Table(title=title)
+    out.add_column("Controller")
+    for heading in ("RMS [mm]", "Greatest [mm]", "At the end [mm]"):
+        out.add_column(heading, justify="right")
+    out.add_column("At a limit")
+    for name, run in runs.items():
+        error = 1e3 * run.tip_error
+        cells = (1e3 * run.rms_tip_error(), error.max(), error[-100:].mean())
+        limited = ", ".join(f"{k} {share:.1%}" for k, share in run.saturation().items())
+        out.add_row(name, *(f"{value:.2f}" for value in cells), limited or "-")
+    return out
+
+
+def _report(
+    arm: Arm,
+    plant: Arm,
+    reference: Reference,
+    runs: dict[str, ClosedLoopRun],
+    written: list[Path],
+    as_json: bool,
+) -> None:
+    if as_json:
+        results: dict[str, Any] = {
+            name: {
+                "tip_error_rms": run.rms_tip_error(),
+                "tip_error_max": run.tip_error.max(),
+                "at_limit": run.saturation(),
+            }
+            for name, run in runs.items()
+        }
+        print_json(
+            {"model": arm.name, "plant": plant.name, "periods": len(reference), "runs": results, "written": written}
+        )
+        return
+    out = console()
+    out.print(table(runs, f"Distance of the tip from its reference, {len(reference) * reference.period:.3g} s"))
+    if written:
+        out.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)

@@ -1,0 +1,254 @@
+"""Controllers that run in the core. Each is an immutable description; :meth:`Controller.build` makes one that runs.
+
+With e = reference minus length, coordinates the bellows lengths, and M q'' + C q' + N = tau (paper (48)); the laws in
+full are in ``docs/control.md``. All commands stay within the limits; while an input is at one, integrals only unwind.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bha import _core
+from bha.control.limits import Limits
+from bha.control.observers import FilteredDifference, KalmanFilter, Observer
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What all controllers have in common.
+
+    Attributes:
+        arm: the controller's model.
+        observer: where the rates come from; None: a Kalman filter for laws with a model, differences for ``Pid``.
+        limits: limits of pressures; None: those of the arm's parameter file.
+        lead_time: time constant of the pressures that the controller takes back, s: it adds that much of the rate of the
+            pressures that the reference alone asks for. None: that of the model's pneumatics; 0 leaves it out.
+    """
+
+    arm: Arm
+    observer: Observer | None = field(default=None, kw_only=True)
+    limits: Limits | None = field(default=None, kw_only=True)
+    lead_time: float | None = field(default=None, kw_only=True)
+
+    def law(self) -> dict[str, Any]:
+        """The law with its gains, as the core takes it."""
+        raise NotImplementedError
+
+    def model(self) -> Arm:
+        """The arm that the core computes with."""
+        return self.arm
+
+    def build(self, period: float) -> _core.Controller:
+        """A controller under way with a control period of ``period`` s.
+
+        Raises:
+            InputError: a gain that is not allowed.
+        """
+        limits = self.limits or Limits.of(self.arm)
+        observer = self.observer or (FilteredDifference() if isinstance(self, Pid) else KalmanFilter())
+        parameters = {
+            "period": period,
+            "law": self.law(),
+            "observer": observer.to_core(),
+            "limits": {name: getattr(limits, name).tolist() for name in ("low", "high", "preferred")},
+            "lead_time": pressure_time(self.arm) if self.lead_time is None else self.lead_time,
+        }
+        return _core.Controller(self.model(), json.dumps(parameters))
+
+
+@dataclass(frozen=True)
+class Pid(Controller):
+    """PID on the lengths, each input by itself: what a user has without a model.
+
+    The gains are multiples of k / A, the stiffness of a bellows at rest over its terminal area, so that the same
+    numbers serve sections of different size: 1 answers an error of 1 mm with the pressure that lengthens a free bellows
+    by 1 mm.
+
+    Attributes:
+        proportional: multiple of k / A.
+        integral: 1/s, multiple of k / A.
+        derivative: s, multiple of k / A.
+    """
+
+    proportional: float = 1.0
+    integral: float = 6.0
+    derivative: float = 0.02
+    lead_time: float | None = field(default=0.0, kw_only=True)
+
+    def law(self) -> dict[str, Any]:
+        """The law with its gains, as the core takes it."""
+        scale = _pressure_per_length(self.arm)
+        return {
+            "kind": "pid",
+            "proportional": (self.proportional * scale).tolist(),
+            "integral": (self.integral * scale).tolist(),
+            "derivative": (self.derivative * scale).tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class GravityPd(Controller):
+    """PD on the lengths with compensation of weight, springs and bending at the reference.
+
+    tau = N(q_ref, 0) + K_p e + K_d e' + K_i int e, gains as multiples of the bellows' stiffness at rest, length by
+    length.
+
+    Attributes:
+        proportional: multiple of the stiffness.
+        integral: 1/s, multiple of the stiffness.
+        derivative: s, multiple of the stiffness.
+    """
+
+    proportional: float = 0.6
+    integral: float = 0.0
+    derivative: float = 0.05
+
+    def law(self) -> dict[str, Any]:
+        """The law with its gains, as the core takes it."""
+        scale = _stiffness(self.arm)
+        return {
+            "kind": "gravity_pd",
+            "proportional": (self.proportional * scale).tolist(),
+            "integral": (self.integral * scale).tolist(),
+            "derivative": (self.derivative * scale).tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class StaticModel(Controller):
+    """The static coupled model (62) turned round at a corrected pose: tau = N(q_ref + k_p e + k_i int e, 0).
+
+    Attributes:
+        proportional: plain number.
+        integral: 1/s.
+    """
+
+    proportional: float = 0.0
+    integral: float = 0.6
+
+    def law(self) -> dict[str, Any]:
+        """The law with its gains, as the core takes it."""
+        return {"kind": "static_model", "proportional": self.proportional, "integral": self.integral}
+
+
+@dataclass(frozen=True)
+class FeedbackLinearization(Controller):
+    """Feedback linearization: tau = M a + C q' + N, a = q_ref'' + k_d e' + k_p e.
+
+    Taken at the reference, corrected by the integral of the error, the arm keeps its own stiffness and damping against
+    errors; taken at the measured state, they are cancelled with the model's, which only pays where these are known to a
+    per cent or so and pressures follow at once.
+
+    Attributes:
+        dynamics: ``"full"``, or ``"reduced"`` (paper: without rotational energy and Coriolis forces).
+        at: where the model is taken, ``"reference"`` or ``"measured"``.
+        bandwidth: k_p is its square, rad/s; at the measured state that of the error's poles.
+        damping_ratio: k_d = 2 damping_ratio bandwidth.
+        integral_rate: rate of the integral's correction, 1/s (at the measured state the third pole); 0: no integral.
+        compensate_disturbance: whether the acceleration that the Kalman filter finds unexplained is taken off.
+    """
+
+    dynamics: Literal["full", "reduced"] = "full"
+    at: Literal["reference", "measured"] = "reference"
+    bandwidth: float = 14.0
+    damping_ratio: float = 1.0
+    integral_rate: float = 2.0
+    compensate_disturbance: bool = False
+
+    def model(self) -> Arm:
+        """The arm that the core computes with."""
+        full = self.dynamics == "full"
+        return self.arm if full else self.arm.with_changes(rotational_energy=False, coriolis_forces=False)
+
+    def law(self) -> dict[str, Any]:
+        """The law with its gains, as the core takes it."""
+        w, d, i = self.bandwidth, 2 * self.damping_ratio * self.bandwidth, self.integral_rate
+        measured = self.at == "measured"
+        return {
+            "kind": "feedback_linearization",
+            "proportional": w**2 + d * i if measured else w**2,
+            "integral": w**2 * i if measured else i,
+            "derivative": d + i if measured else d,
+            "at_measured": measured,
+            "compensate_disturbance": self.compensate_disturbance,
+        }
+
+
+@dataclass(frozen=True)
+class LinearQuadraticRegulator(Controller):
+    """A constant gain from the linearization at a pose, on top of the static model at the reference.
+
+    p = p_0(q_ref) + K (x_ref - x), K for the cost sum |e / length_scale|^2 + |e' / rate_scale|^2 + |dp /
+    pressure_scale|^2.
+
+    Attributes:
+        pose: lengths (3n,) at which the gain is computed, m; None: the middle of their ranges.
+        length_scale: m.
+        rate_scale: m/s.
+        pressure_scale: Pa.
+        period: period the gain is computed for, s.
+    """
+
+    pose: ArrayLike | None = None
+    length_scale: float = 2e-3
+    rate_scale: float = 5e-2
+    pressure_scale: float = 5e3
+    period: float = 1e-3
+
+    def gain(self) -> NDArray[np.float64]:
+        """K, shape (inputs, 6n), Pa/m and Pa s/m."""
+        limits = self.limits or Limits.of(self.arm)
+        middle = (limits.shortest + limits.longest) / 2
+        pose = middle if self.pose is None else np.asarray(self.pose, dtype=np.float64)
+        p, q = _core.rest_near(self.arm, pose, limits.low, limits.high, limits.preferred)
+        # In units of the scales, so that the Riccati equation sees numbers of like size.
+        a, b = _core.linearize(self.arm, q, np.zeros_like(q), p, self.period)
+        scale = np.repeat([self.length_scale, self.rate_scale], len(q))
+        a = a * scale / scale[:, None]
+        b = b * self.pressure_scale / scale[:, None]
+        gain = _core.linear_quadratic_gain(a, b, np.eye(len(scale)), np.eye(b.shape[1]))
+        return np.asarray(gain * self.pressure_scale / scale, dtype=np.float64)
+
+    def law(self) -> dict[str, Any]:
+        """The law with its gains, as the core takes it."""
+        return {"kind": "state_feedback", "gain": self.gain().ravel().tolist()}
+
+
+def pressure_time(arm: Arm) -> float:
+    """Time constant with which pressures follow small commands by the arm's own pneumatics, s; 0 for ideal ones."""
+    table = arm.parameters.pneumatics
+    if table is None or table.level == "ideal":
+        return 0.0
+    if table.level == "lag":
+        assert table.fill_time is not None
+        assert table.vent_time is not None
+        return (table.fill_time + table.vent_time) / 2
+    assert table.proportional_gain is not None
+    assert table.spool_time is not None
+    return table.spool_time + (1 / table.proportional_gain if table.proportional_gain > 0 else 0.0)
+
+
+def _stiffness(arm: Arm) -> NDArray[np.float64]:
+    """Stiffness at rest of one bellows, N/m, for each length, (3n,): the mean over the bellows of its section."""
+    values = []
+    for number, section in enumerate(arm.parameters.sections, start=1):
+        values += [float(np.mean([b.stiffness[0] for b in section.resolved_bellows(number)]))] * 3
+    return np.array(values)
+
+
+def _pressure_per_length(arm: Arm) -> NDArray[np.float64]:
+    """Stiffness over terminal area, Pa/m, for each input, (inputs,): the mean over the bellows it feeds."""
+    ratios: dict[str, list[float]] = {name: [] for name in arm.inputs}
+    for number, section in enumerate(arm.parameters.sections, start=1):
+        for bellows in section.resolved_bellows(number):
+            if bellows.terminal_area > 0:
+                ratios[bellows.input].append(bellows.stiffness[0] / bellows.terminal_area)
+    return np.array([float(np.mean(found)) if found else 0.0 for found in ratios.values()])

@@ -1,0 +1,61 @@
+"""What pressures and lengths a controller may use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.errors import InputError
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the pressures and lengths of an arm.
+
+    Attributes:
+        low: lowest pressure of each input, Pa absolute, shape (inputs,).
+        high: highest pressure of each input, Pa absolute, shape (inputs,).
+        preferred: pressure that each input tends to where the wanted force leaves a choice (more bellows than
+            coordinates, an input that moves nothing), Pa absolute, shape (inputs,). A higher one stiffens the arm.
+        shortest: shortest of each length, m, shape (3n,).
+        longest: longest of each length, m, shape (3n,).
+    """
+
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    preferred: NDArray[np.float64]
+    shortest: NDArray[np.float64]
+    longest: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, arm: Arm, *, preferred: float | None = None) -> Limits:
+        """The limits that the parameter file gives: ``pressure_range`` and ``length_range`` of each section.
+
+        An input that feeds several sections keeps to the limits of all. ``preferred`` (Pa absolute, the same for all
+        inputs) is the middle of the range if None.
+
+        Raises:
+            InputError: the ranges of sections with a common input do not overlap.
+        """
+        index = {name: k for k, name in enumerate(arm.inputs)}
+        low, high = np.zeros(len(index)), np.full(len(index), np.inf)
+        for number, section in enumerate(arm.parameters.sections, start=1):
+            for bellows in section.resolved_bellows(number):
+                k = index[bellows.input]
+                low[k] = max(low[k], section.pressure_range[0])
+                high[k] = min(high[k], section.pressure_range[1])
+        for name, k in index.items():
+            if low[k] >= high[k]:
+                raise InputError(
+                    f"pressure_range: input {name} feeds sections whose ranges have no pressure in common, "
+                    f"{low[k]} to {high[k]} Pa"
+                )
+        middle = (low + high) / 2 if preferred is None else np.clip(np.full(len(index), float(preferred)), low, high)
+        lengths = np.repeat([section.length_range for section in arm.parameters.sections], 3, axis=0)
+        return cls(low, high, middle, lengths[:, 0], lengths[:, 1])

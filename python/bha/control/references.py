@@ -1,0 +1,258 @@
+"""References: where the arm should be, period by period; jerk-limited, as lengths or from a path of the tip.
+
+Jerk-limited motion is that of ruckig (Berscheid & Kroeger, RSS 2021; extra ``control``): time-optimal within limits of
+velocity, acceleration and jerk, so that accelerations are continuous and feedback linearization can follow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bha import _core
+from bha.control.limits import Limits
+from bha.errors import InputError
+from bha.extras import import_extra
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Where the arm should be; k rows at a constant period.
+
+    Attributes:
+        period: control period, s.
+        lengths: m, shape (k, 3n).
+        velocities: m/s, shape (k, 3n).
+        accelerations: m/s^2, shape (k, 3n).
+        tip_positions: wanted tip (head of the last section) in the base frame, m, shape (k, 3), or None.
+    """
+
+    period: float
+    lengths: Floats
+    velocities: Floats
+    accelerations: Floats
+    tip_positions: Floats | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the shapes fit together."""
+        shape = np.shape(self.lengths)
+        if len(shape) != 2 or shape[0] == 0:
+            raise InputError(f"reference: lengths: expected shape (k, 3n) with k >= 1, found {shape}")
+        for name in ("velocities", "accelerations"):
+            if np.shape(getattr(self, name)) != shape:
+                raise InputError(f"reference: {name}: expected shape {shape}, found {np.shape(getattr(self, name))}")
+        if self.tip_positions is not None and np.shape(self.tip_positions) != (shape[0], 3):
+            raise InputError(
+                f"reference: tip_positions: expected shape {(shape[0], 3)}, found {np.shape(self.tip_positions)}"
+            )
+        if not (math.isfinite(self.period) and self.period > 0):
+            raise InputError(f"reference: period: {self.period}; a positive number of seconds is needed")
+
+    def __len__(self) -> int:
+        """Number of periods."""
+        return len(self.lengths)
+
+    @property
+    def time(self) -> Floats:
+        """Time of each row, s, from 0."""
+        return np.arange(len(self), dtype=np.float64) * self.period
+
+    def rows(self) -> Floats:
+        """Lengths, velocities and accelerations side by side, shape (k, 9n)."""
+        return np.ascontiguousarray(np.hstack([self.lengths, self.velocities, self.accelerations]))
+
+    def followed_by(self, other: Reference) -> Reference:
+        """This reference, then another of the same period and arm.
+
+        Raises:
+            InputError: the periods or the numbers of lengths differ.
+        """
+        if self.period != other.period or self.lengths.shape[1] != other.lengths.shape[1]:
+            raise InputError("reference: only references of the same period and arm can follow each other")
+        tips = (self.tip_positions, other.tip_positions)
+        return Reference(
+            self.period,
+            np.vstack([self.lengths, other.lengths]),
+            np.vstack([self.velocities, other.velocities]),
+            np.vstack([self.accelerations, other.accelerations]),
+            None if tips[0] is None or tips[1] is None else np.vstack([tips[0], tips[1]]),
+        )
+
+
+def hold(lengths: ArrayLike, duration: float, *, period: float = 1e-3) -> Reference:
+    """The same ``lengths`` (3n,), m, for ``duration`` s.
+
+    Raises:
+        InputError: ``lengths`` is not a vector, or ``duration`` is negative.
+    """
+    row = _vector(lengths, "lengths")
+    if not (math.isfinite(duration) and duration >= 0):
+        raise InputError(f"duration: {duration}; a number of seconds not below zero is needed")
+    count = max(1, round(duration / period))
+    still = np.zeros((count, len(row)))
+    return Reference(period, np.tile(row, (count, 1)), still, still.copy())
+
+
+def point_to_point(
+    start: ArrayLike,
+    end: ArrayLike,
+    *,
+    max_velocity: float = 0.2,
+    max_acceleration: float = 2.0,
+    max_jerk: float = 40.0,
+    rest: float = 0.5,
+    period: float = 1e-3,
+) -> Reference:
+    """From lengths ``start`` to ``end`` (3n,), all together and as fast as the limits allow, then ``rest`` s at the
+    end.
+
+    Args:
+        start: m.
+        end: m.
+        max_velocity: of each length, m/s.
+        max_acceleration: of each length, m/s^2.
+        max_jerk: of each length, m/s^3.
+        rest: time at the end, s.
+        period: control period, s.
+
+    Raises:
+        InputError: shapes that differ, or limits that are not positive.
+        MissingExtraError: ruckig is not installed.
+    """
+    a, b = _vector(start, "start"), _vector(end, "end")
+    if a.shape != b.shape:
+        raise InputError(f"end: expected shape {a.shape}, as start has, found {b.shape}")
+    # Along the straight line between them; the length that has farthest to go feels the limits.
+    farthest = float(np.max(np.abs(b - a), initial=0.0))
+    motion = _jerk_limited(farthest, (max_velocity, max_acceleration, max_jerk), rest, period)
+    way = (b - a) / farthest if farthest > 0 else np.zeros_like(a)
+    along, velocity, acceleration = (np.outer(column, way) for column in motion)
+    return Reference(period, a + along, velocity, acceleration)
+
+
+def tip_path(
+    arm: Arm,
+    path: Callable[[Floats], Floats],
+    length: float,
+    *,
+    start: ArrayLike | None = None,
+    directions: ArrayLike | None = None,
+    max_velocity: float = 0.4,
+    max_acceleration: float = 2.0,
+    max_jerk: float = 30.0,
+    rest: float = 0.5,
+    period: float = 1e-3,
+    limits: Limits | None = None,
+) -> Reference:
+    """Along a path of the tip, at rest at both ends, within limits of speed, acceleration and jerk along it.
+
+    Lengths are resolved from the tip by ``arm``'s kinematics; what the tip leaves free is used to stay near the middle
+    of the lengths.
+
+    Args:
+        arm: the arm whose tip (head of the last section) is to move.
+        path: positions (k, 3), m, in the base frame, at arc lengths (k,), m, along the path.
+        length: arc length of the path, m.
+        start: lengths (3n,) from which the first pose is sought, m; None: the middle of their ranges.
+        directions: direction of the tip's z axis, the same all along, shape (3,); None: left free.
+        max_velocity: m/s.
+        max_acceleration: m/s^2.
+        max_jerk: m/s^3.
+        rest: time at the end, s.
+        period: control period, s.
+        limits: limits of the lengths; None: those of the parameter file.
+
+    Raises:
+        ConvergenceError: the path leaves the reach of the arm within its lengths.
+        MissingExtraError: ruckig is not installed.
+    """
+    bounds = limits or Limits.of(arm)
+    bound = (max_velocity, max_acceleration, max_jerk)
+    along, _, _ = _jerk_limited(float(length), bound, rest, period)
+    positions = np.asarray(path(along), dtype=np.float64)
+    first = (bounds.shortest + bounds.longest) / 2 if start is None else _vector(start, "start")
+    aim = None if directions is None else np.tile(_vector(directions, "directions"), (len(positions), 1))
+    lengths = _core.resolved_motion(arm, positions, aim, first, bounds.shortest, bounds.longest)
+    velocities = np.gradient(lengths, period, axis=0)
+    accelerations = np.gradient(velocities, period, axis=0)
+    return Reference(period, lengths, velocities, accelerations, positions)
+
+
+def tip_line(arm: Arm, start: ArrayLike, end: ArrayLike, **options: Any) -> Reference:
+    """Along a straight line of the tip from ``start`` to ``end`` (3,), m; the rest as for :func:`tip_path`."""
+    a, b = _vector(start, "start"), _vector(end, "end")
+    length = float(np.linalg.norm(b - a))
+    if length == 0:
+        raise InputError("end: the same as start; a line needs two points")
+    return tip_path(arm, lambda s: a + np.outer(s / length, b - a), length, **options)
+
+
+def tip_circle(
+    arm: Arm, radius: float, *, height: float | None = None, turns: float = 1.0, **options: Any
+) -> Reference:
+    """A circle of the tip around the base's z axis, ``turns`` times; the rest as for :func:`tip_path`.
+
+    Args:
+        arm: the arm.
+        radius: m.
+        height: z of the circle in the base frame, m; None: 5 cm less than the straight arm's at the middle of its
+        lengths.
+        turns: how often.
+        options: as for :func:`tip_path`.
+
+    Raises:
+        InputError: a radius or number of turns that is not positive.
+        ConvergenceError: the circle leaves the arm's reach.
+    """
+    if not (radius > 0 and turns > 0):
+        raise InputError(f"radius: {radius}, turns: {turns}; positive numbers are needed")
+    if height is None:
+        limits = Limits.of(arm)
+        heads, _ = arm.forward_kinematics((limits.shortest + limits.longest) / 2)
+        height = float(heads[-1, 2]) - 0.05
+    z = height
+
+    def path(s: Floats) -> Floats:
+        angle = s / radius
+        return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, z)])
+
+    return tip_path(arm, path, 2 * math.pi * radius * turns, **options)
+
+
+def _jerk_limited(
+    distance: float, limits: tuple[float, float, float], rest: float, period: float
+) -> tuple[Floats, Floats, Floats]:
+    """Position, velocity and acceleration (k,) from rest at 0 to rest at ``distance``, and then ``rest`` s."""
+    for name, value in zip(("max_velocity", "max_acceleration", "max_jerk", "period"), (*limits, period), strict=True):
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name}: {value}; a positive number is needed")
+    if not (math.isfinite(rest) and rest >= 0):
+        raise InputError(f"rest: {rest}; a number of seconds not below zero is needed")
+    ruckig = import_extra("ruckig", extra="control", purpose="A jerk-limited reference")
+    wanted = ruckig.InputParameter(1)
+    wanted.target_position = [distance]
+    wanted.max_velocity, wanted.max_acceleration, wanted.max_jerk = ([value] for value in limits)
+    motion = ruckig.Trajectory(1)
+    result = ruckig.Ruckig(1).calculate(wanted, motion)
+    if result not in (ruckig.Result.Finished, ruckig.Result.Working):
+        raise InputError(f"distance: {distance}; no jerk-limited motion over it: ruckig says {result}")
+    times = np.arange(math.ceil((motion.duration + rest) / period) + 1) * period
+    rows = np.array([motion.at_time(min(float(t), motion.duration)) for t in times])
+    return rows[:, 0, 0], rows[:, 1, 0], rows[:, 2, 0]
+
+
+def _vector(values: ArrayLike, name: str) -> Floats:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1 or not np.all(np.isfinite(array)):
+        raise InputError(f"{name}: a vector of finite numbers is needed, found shape {array.shape}")
+    return array

@@ -1,0 +1,146 @@
+//! What comes into the chain of effects on pressures: samples given beforehand, or pressures known only as time goes on
+//! (commands held from outside, chambers that depend on the arm's motion).
+
+use crate::input::{Cursor, Input};
+use crate::real::Real;
+
+/// Pressures over time, one an input.
+pub trait Upstream<T: Real> {
+    /// All at `t` into `out`; `before`: the limit from the left.
+    fn read(&self, t: f64, before: bool, cursor: &mut Cursor, out: &mut [T]);
+    /// One at a time that may differ from lane to lane.
+    fn delayed(&self, t: T, input: usize) -> T;
+    /// The first sample after `t`, where they bend.
+    fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64;
+    /// The first time after `t` at which one jumps, as far as known.
+    fn next_jump(&self, t: f64) -> f64;
+}
+
+impl<T: Real> Upstream<T> for Input {
+    #[inline(always)]
+    fn read(&self, t: f64, before: bool, cursor: &mut Cursor, out: &mut [T]) {
+        let place = self.weight(t, before, cursor);
+        for (j, p) in out.iter_mut().enumerate() {
+            *p = T::from_f64(self.pressure(place, j));
+        }
+    }
+    #[inline(always)]
+    fn delayed(&self, t: T, input: usize) -> T {
+        self.pressure_at(t, input)
+    }
+    #[inline(always)]
+    fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64 {
+        Input::next_sample(self, t, cursor)
+    }
+    fn next_jump(&self, t: f64) -> f64 {
+        Input::next_jump(self, t)
+    }
+}
+
+/// Pressures noted step by step, straight lines between; two rows at the same time are a jump. Rows older than
+/// `horizon` are forgotten now and then.
+#[derive(Clone, Debug)]
+pub struct History<T> {
+    times: Vec<f64>,
+    rows: Vec<T>,
+    inputs: usize,
+    committed: usize,
+    horizon: f64,
+}
+
+/// Rows after which old ones are looked for.
+const MANY: usize = 4096;
+
+impl<T: Real> History<T> {
+    /// `p` has stood since ever at `t`.
+    pub fn new(t: f64, p: &[T]) -> Self {
+        Self { times: vec![t], rows: p.to_vec(), inputs: p.len(), committed: 1, horizon: 0.0 }
+    }
+
+    /// Delays reach `horizon` s back.
+    pub fn reach(&mut self, horizon: f64) {
+        self.horizon = horizon;
+    }
+
+    /// A step begins, or begins again: what was noted for it before is forgotten.
+    #[inline(always)]
+    pub fn begin_step(&mut self) {
+        self.times.truncate(self.committed);
+        self.rows.truncate(self.committed * self.inputs);
+    }
+
+    /// Notes the pressures at `t`, not before the last.
+    #[inline(always)]
+    pub fn note(&mut self, t: f64, p: &[T]) {
+        self.times.push(t);
+        self.rows.extend_from_slice(p);
+    }
+
+    /// The step was accepted.
+    pub fn end_step(&mut self) {
+        self.committed = self.times.len();
+        if self.committed > MANY {
+            let oldest = self.times[self.committed - 1] - self.horizon;
+            let gone = self.times.partition_point(|t| *t < oldest).saturating_sub(2);
+            if gone > MANY / 2 {
+                self.times.drain(..gone);
+                self.rows.drain(..gone * self.inputs);
+                self.committed = self.times.len();
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn place(&self, t: f64, before: bool) -> (usize, f64) {
+        let count =
+            if before { self.times.partition_point(|x| *x < t) } else { self.times.partition_point(|x| *x <= t) };
+        let k = count.saturating_sub(1);
+        if k + 1 >= self.times.len() {
+            return (k, 0.0);
+        }
+        let (t0, t1) = (self.times[k], self.times[k + 1]);
+        (k, if t1 > t0 { ((t - t0) / (t1 - t0)).clamp(0.0, 1.0) } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn value(&self, (k, w): (usize, f64), input: usize) -> T {
+        let a = self.rows[k * self.inputs + input];
+        if w == 0.0 { a } else { a + (self.rows[(k + 1) * self.inputs + input] - a) * w }
+    }
+}
+
+impl<T: Real> Upstream<T> for History<T> {
+    #[inline(always)]
+    fn read(&self, t: f64, before: bool, _cursor: &mut Cursor, out: &mut [T]) {
+        let place = self.place(t, before);
+        for (j, p) in out.iter_mut().enumerate() {
+            *p = self.value(place, j);
+        }
+    }
+    fn delayed(&self, t: T, input: usize) -> T {
+        let (low, high) = (t.smallest(), t.largest());
+        let mut k = self.times.partition_point(|x| *x <= low).max(1) - 1;
+        let value = |k: usize| self.rows[k * self.inputs + input];
+        let mut out = value(k);
+        while k + 1 < self.times.len() && self.times[k] <= high {
+            let (h, rise) = (self.times[k + 1] - self.times[k], value(k + 1) - value(k));
+            let share = if h == 0.0 {
+                T::select(t - self.times[k + 1], T::one(), T::zero())
+            } else {
+                ((t - self.times[k]) * (1.0 / h)).max(T::zero()).min(T::one())
+            };
+            out += share * rise;
+            k += 1;
+        }
+        out
+    }
+    #[inline(always)]
+    fn next_sample(&self, t: f64, _cursor: &mut Cursor) -> f64 {
+        let k = self.times.partition_point(|x| *x <= t);
+        self.times.get(k).copied().unwrap_or(f64::INFINITY)
+    }
+    fn next_jump(&self, _t: f64) -> f64 {
+        // Held commands jump where steps begin; one that arrives late, within a step, is met by that step's stages.
+        f64::INFINITY
+    }
+}

@@ -1,0 +1,423 @@
+//! From commanded to acting pressure: valve, spool, chamber and pressure controller of every input.
+//!
+//! Three levels: `ideal` (the command acts), `lag` (first order, own time constants for filling and venting), `full`
+//! (valve by ISO 6358, spool, polytropic chamber with the arm's own volumes, PI controller; see `valve`, `chamber`,
+//! `controller`).
+//!
+//! Stiffer than the arm, so not integrated with it: hidden states of the plant ([`crate::integrate::System`]). When a step
+//! of the arm begins, masses, spools and integrals are advanced over it in sub-steps of at most [`SUBSTEP`] with the
+//! lengths moving on evenly; at each stage of the arm's method the pressure is that of the mass at that time in the stage's own
+//! volume, so that trapped air acts as the spring it is, without delay. The coupling is of second order in the step.
+//! Sub-steps: ROS2 (Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456), linearly implicit, L-stable, of second
+//! order whatever stands for the Jacobian; here that of mass and spool without the integral, two equations. The lag is advanced exactly.
+
+pub mod chamber;
+pub mod controller;
+pub mod valve;
+
+use crate::arm::Arm;
+use crate::error::{Error, Result};
+use crate::parameters::{PneumaticsLevel, PneumaticsParameters};
+use crate::real::Real;
+
+/// Longest sub-step, s.
+pub const SUBSTEP: f64 = 2.5e-4;
+/// Longest step of the arm with pneumatics that are not ideal, s.
+pub const LONGEST_STEP: f64 = 2e-3;
+
+/// What the valves, chambers and pressure controllers of an arm are; the same for every input.
+#[derive(Clone, Debug)]
+pub struct Pneumatics<T> {
+    /// How much is modelled.
+    pub level: PneumaticsLevel,
+    /// Time constant of filling, s (`lag`).
+    pub fill_time: T,
+    /// Time constant of venting, s (`lag`).
+    pub vent_time: T,
+    /// Absolute supply pressure, Pa.
+    pub supply_pressure: T,
+    /// Absolute pressure behind the exhaust, Pa.
+    pub exhaust_pressure: T,
+    /// Absolute pressure of the vacuum, Pa.
+    pub vacuum_pressure: T,
+    /// Whether there is a vacuum.
+    pub has_vacuum: bool,
+    /// Sonic conductance towards the supply, m^3/(s Pa).
+    pub supply_conductance: T,
+    /// Sonic conductance towards exhaust and vacuum, m^3/(s Pa).
+    pub exhaust_conductance: T,
+    /// Critical pressure ratio.
+    pub critical_ratio: T,
+    /// Temperature of the air, K.
+    pub temperature: T,
+    /// Ambient pressure, Pa.
+    pub ambient_pressure: T,
+    /// Density of ambient air, kg/m^3.
+    pub ambient_density: T,
+    /// Volume of an input besides its bellows, m^3.
+    pub dead_volume: T,
+    /// Polytropic exponent.
+    pub exponent: T,
+    /// Time constant of the spool, s.
+    pub spool_time: T,
+    /// Spool travel without flow, as a part of its full travel.
+    pub dead_band: T,
+    /// Gain on the pressure error, 1/s.
+    pub proportional_gain: T,
+    /// Gain on its integral, 1/s^2.
+    pub integral_gain: T,
+    /// Part of the reference's rate that is fed forward.
+    pub feed_forward: T,
+    /// Volume of each input with all its bellows at the middle of their range, m^3: what the controllers reckon with.
+    pub control_volume: Vec<T>,
+}
+
+impl Pneumatics<f64> {
+    /// What `p` says. `middle_volumes`: volume of the bellows of each input at the middle of their range.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for a key that the level needs and the table lacks, or a value out of range.
+    pub fn new(p: &PneumaticsParameters, ambient_pressure: f64, middle_volumes: &[f64]) -> Result<Self> {
+        let lag = p.level == PneumaticsLevel::Lag;
+        let full = p.level == PneumaticsLevel::Full;
+        let get = |key, value: Option<f64>, needed: bool, ok: fn(f64) -> bool, allowed| match value {
+            Some(x) if x.is_finite() && ok(x) => Ok(x),
+            None if !needed => Ok(1.0),
+            found => {
+                let found = found.map_or("missing".to_owned(), |x| x.to_string());
+                Err(Error::Parameter { place: "pneumatics".to_owned(), key, found, allowed })
+            }
+        };
+        let positive = |key, x, needed| get(key, x, needed, |x| x > 0.0, "a positive number is needed");
+        let not_negative = |key, x, needed| get(key, x, needed, |x| x >= 0.0, "a number not below zero is needed");
+        let below_one = "a number from 0 to below 1 is needed";
+        let supply_conductance = positive("sonic_conductance", p.sonic_conductance, full)?;
+        let dead_volume = not_negative("dead_volume", p.dead_volume, full)?;
+        let temperature = positive("air_temperature", p.air_temperature, full)?;
+        let ambient_pressure = if full {
+            get(
+                "ambient_pressure",
+                Some(ambient_pressure),
+                true,
+                |x| x > 0.0,
+                "compressed air needs an ambient pressure above zero",
+            )?
+        } else {
+            ambient_pressure
+        };
+        Ok(Self {
+            level: p.level,
+            fill_time: positive("fill_time", p.fill_time, lag)?,
+            vent_time: positive("vent_time", p.vent_time, lag)?,
+            supply_pressure: positive("supply_pressure", p.supply_pressure, full)?,
+            exhaust_pressure: positive("exhaust_pressure", p.exhaust_pressure, full)?,
+            vacuum_pressure: positive("vacuum_pressure", p.vacuum_pressure, false)?,
+            has_vacuum: p.vacuum_pressure.is_some(),
+            supply_conductance,
+            exhaust_conductance: match p.exhaust_conductance {
+                None => supply_conductance,
+                given => positive("exhaust_conductance", given, full)?,
+            },
+            critical_ratio: get(
+                "critical_pressure_ratio",
+                p.critical_pressure_ratio,
+                full,
+                |x| (0.0..0.999).contains(&x),
+                below_one,
+            )?,
+            temperature,
+            ambient_pressure,
+            ambient_density: ambient_pressure / (temperature * chamber::GAS_CONSTANT),
+            dead_volume,
+            exponent: positive("polytropic_exponent", p.polytropic_exponent, full)?,
+            spool_time: positive("spool_time", p.spool_time, full)?,
+            dead_band: get("spool_dead_band", p.spool_dead_band, full, |x| (0.0..1.0).contains(&x), below_one)?,
+            proportional_gain: not_negative("proportional_gain", p.proportional_gain, full)?,
+            integral_gain: not_negative("integral_gain", p.integral_gain, full)?,
+            feed_forward: not_negative("feed_forward", p.feed_forward, full)?,
+            control_volume: middle_volumes.iter().map(|v| v + dead_volume).collect(),
+        })
+    }
+
+    /// The same over another scalar.
+    pub fn lift<T: Real>(&self) -> Pneumatics<T> {
+        let c = T::from_f64;
+        Pneumatics {
+            level: self.level,
+            fill_time: c(self.fill_time),
+            vent_time: c(self.vent_time),
+            supply_pressure: c(self.supply_pressure),
+            exhaust_pressure: c(self.exhaust_pressure),
+            vacuum_pressure: c(self.vacuum_pressure),
+            has_vacuum: self.has_vacuum,
+            supply_conductance: c(self.supply_conductance),
+            exhaust_conductance: c(self.exhaust_conductance),
+            critical_ratio: c(self.critical_ratio),
+            temperature: c(self.temperature),
+            ambient_pressure: c(self.ambient_pressure),
+            ambient_density: c(self.ambient_density),
+            dead_volume: c(self.dead_volume),
+            exponent: c(self.exponent),
+            spool_time: c(self.spool_time),
+            dead_band: c(self.dead_band),
+            proportional_gain: c(self.proportional_gain),
+            integral_gain: c(self.integral_gain),
+            feed_forward: c(self.feed_forward),
+            control_volume: self.control_volume.iter().map(|&v| c(v)).collect(),
+        }
+    }
+}
+
+/// State of one input's pneumatics.
+#[derive(Clone, Copy, Debug)]
+struct Input<T> {
+    /// `full`: mass of air, kg. `lag`: pressure, Pa.
+    content: T,
+    /// Spool position.
+    spool: T,
+    /// Integral of the controller, Pa/s.
+    integral: T,
+}
+
+/// What drives an input over a step: straight lines from its start.
+#[derive(Clone, Copy, Debug)]
+struct Drive<T> {
+    reference: T,
+    reference_rate: T,
+    volume: T,
+    volume_rate: T,
+}
+
+/// The pneumatics of an arm under way: hidden states of the plant.
+#[derive(Clone, Debug)]
+pub struct Chambers<T = f64> {
+    /// At the start of the step.
+    now: Vec<Input<T>>,
+    /// At its end.
+    next: Vec<Input<T>>,
+    drives: Vec<Drive<T>>,
+    /// Contents at the ends of the sub-steps, input by input within each.
+    nodes: Vec<T>,
+    substeps: usize,
+    start: f64,
+    end: f64,
+    /// Volumes at a stage, and the start's rates.
+    volumes: Vec<T>,
+    rates: Vec<T>,
+}
+
+impl<T: Real> Chambers<T> {
+    /// Chambers at rest at lengths `q` with pressures `p`, valves closed; none where the command acts as it is.
+    pub fn new(arm: &Arm<T>, q: &[T], p: &[T]) -> Option<Self> {
+        let pneumatics = arm.pneumatics.as_ref().filter(|x| x.level != PneumaticsLevel::Ideal)?;
+        let zero = T::zero();
+        let mut volumes = vec![zero; arm.inputs];
+        chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut volumes);
+        let content = |p: T, v: T| match pneumatics.level {
+            PneumaticsLevel::Full => chamber::mass(pneumatics, p, v),
+            _ => p,
+        };
+        let now: Vec<_> = p
+            .iter()
+            .zip(&volumes)
+            .map(|(&p, &v)| Input { content: content(p, v), spool: zero, integral: zero })
+            .collect();
+        let idle = Drive { reference: zero, reference_rate: zero, volume: zero, volume_rate: zero };
+        // Room for the sub-steps of the longest step, so that nothing is allocated on the way.
+        let room = ((LONGEST_STEP / SUBSTEP).ceil() as usize + 2) * arm.inputs;
+        let mut nodes = Vec::with_capacity(room);
+        nodes.extend(now.iter().map(|x| x.content));
+        Some(Self {
+            next: now.clone(),
+            now,
+            drives: vec![idle; arm.inputs],
+            nodes,
+            substeps: 0,
+            start: 0.0,
+            end: 0.0,
+            rates: volumes.clone(),
+            volumes,
+        })
+    }
+
+    /// A step of the arm from (`t0`, lengths `q`, rates `qd`) to `t1` begins; `reference` gives each input's commanded
+    /// pressure at the start and at the end.
+    #[inline(always)]
+    pub fn begin_step(
+        &mut self,
+        arm: &Arm<T>,
+        (t0, t1): (f64, f64),
+        (q, qd): (&[T], &[T]),
+        reference: impl Fn(usize) -> (T, T),
+    ) {
+        let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
+        let h = t1 - t0;
+        self.start = t0;
+        self.end = t1;
+        let lag = pneumatics.level == PneumaticsLevel::Lag;
+        if !lag {
+            chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut self.volumes);
+            chamber::volumes(arm, pneumatics.dead_volume, qd, true, &mut self.rates);
+        }
+        for (j, drive) in self.drives.iter_mut().enumerate() {
+            let (from, to) = reference(j);
+            *drive = Drive {
+                reference: from,
+                reference_rate: (to - from) * (1.0 / h),
+                volume: self.volumes[j],
+                volume_rate: self.rates[j],
+            };
+        }
+        self.nodes.clear();
+        self.nodes.extend(self.now.iter().map(|x| x.content));
+        self.next.copy_from_slice(&self.now);
+        if lag {
+            self.substeps = 1;
+            for (next, drive) in self.next.iter_mut().zip(&self.drives) {
+                next.content = lagged(pneumatics, next.content, drive, h);
+            }
+            return;
+        }
+        // An even number puts a node on the stages in the middle of a step.
+        self.substeps = 2 * ((0.5 * h / SUBSTEP - 1e-9).ceil().max(1.0) as usize);
+        let step = h / self.substeps as f64;
+        for k in 0..self.substeps {
+            for (j, (next, drive)) in self.next.iter_mut().zip(&self.drives).enumerate() {
+                *next = substep(pneumatics, pneumatics.control_volume[j], *next, drive, k as f64 * step, step);
+            }
+            self.nodes.extend(self.next.iter().map(|x| x.content));
+        }
+    }
+
+    /// The acting pressures at time `t` of the step begun last, at lengths `q`, into `out`.
+    #[inline(always)]
+    pub fn pressures(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
+        let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
+        let elapsed = (t - self.start).clamp(0.0, self.end - self.start);
+        if pneumatics.level == PneumaticsLevel::Lag {
+            // From the node, not from `now`: an output may be asked for after the step was committed.
+            for ((p, start), drive) in out.iter_mut().zip(&self.nodes).zip(&self.drives) {
+                *p = lagged(pneumatics, *start, drive, elapsed);
+            }
+            return;
+        }
+        chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut self.volumes);
+        let place = if self.substeps == 0 { 0.0 } else { elapsed / (self.end - self.start) * self.substeps as f64 };
+        let k = (place as usize).min(self.substeps.saturating_sub(1));
+        let weight = place - k as f64;
+        let inputs = out.len();
+        let (from, to) = (k * inputs, (k + usize::from(self.substeps > 0)) * inputs);
+        for (j, p) in out.iter_mut().enumerate() {
+            let (a, b) = (self.nodes[from + j], self.nodes[to + j]);
+            *p = chamber::pressure(pneumatics, a + (b - a) * weight, self.volumes[j]);
+        }
+    }
+
+    /// Pressures at the ends of the sub-steps of the step begun last, with the lengths moving on evenly.
+    #[inline(always)]
+    pub fn predicted(&mut self, arm: &Arm<T>, mut each: impl FnMut(f64, &[T])) {
+        let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
+        // The lag bends within a step; as many pieces as the chambers have.
+        let lag = pneumatics.level == PneumaticsLevel::Lag;
+        let h = self.end - self.start;
+        let pieces = if lag { (h / SUBSTEP).ceil().max(1.0) as usize } else { self.substeps };
+        let inputs = self.drives.len();
+        for k in 0..=pieces {
+            let elapsed = h * k as f64 / pieces as f64;
+            for j in 0..inputs {
+                let drive = &self.drives[j];
+                self.volumes[j] = if lag {
+                    lagged(pneumatics, self.nodes[j], drive, elapsed)
+                } else {
+                    chamber::pressure(
+                        pneumatics,
+                        self.nodes[k * inputs + j],
+                        drive.volume + drive.volume_rate * elapsed,
+                    )
+                };
+            }
+            each(self.start + elapsed, &self.volumes);
+        }
+    }
+
+    /// The step was accepted.
+    #[inline(always)]
+    pub fn end_step(&mut self) {
+        self.now.copy_from_slice(&self.next);
+    }
+
+    /// Masses of air (`full`) at the end of the last accepted step, kg.
+    pub fn masses(&self) -> impl Iterator<Item = T> + '_ {
+        self.now.iter().map(|x| x.content)
+    }
+}
+
+/// The lagged pressure after `elapsed` under a reference that moves evenly: exact.
+#[inline(always)]
+fn lagged<T: Real>(pneumatics: &Pneumatics<T>, p: T, drive: &Drive<T>, elapsed: f64) -> T {
+    let time = T::select(drive.reference - p, pneumatics.fill_time, pneumatics.vent_time);
+    // Past the transient the pressure follows the reference's line, `time` behind it.
+    let behind = drive.reference_rate * time;
+    let line = drive.reference - behind;
+    let decay = (-(time.recip() * elapsed)).exp();
+    line + drive.reference_rate * elapsed + (p - line) * decay
+}
+
+/// Stiff derivatives of the right-hand side; that of the spool by itself is -1 / T_s.
+struct Stiff<T> {
+    mass_by_mass: T,
+    mass_by_spool: T,
+    spool_by_mass: T,
+}
+
+/// Right-hand side of (mass, spool, integral), and its stiff derivatives.
+#[inline(always)]
+fn rates<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Drive<T>, t: f64) -> (Input<T>, Stiff<T>) {
+    let volume = drive.volume + drive.volume_rate * t;
+    let p = chamber::pressure(k, x.content, volume);
+    let reference = drive.reference + drive.reference_rate * t;
+    let command = controller::command(k, control_volume, reference, drive.reference_rate, p, x.integral);
+    let (flow, by_pressure, by_spool) = valve::chamber_flow(k, p, x.spool);
+    let rate =
+        Input { content: flow, spool: (command.spool - x.spool) / k.spool_time, integral: command.integral_rate };
+    let pressure_by_mass = k.exponent * p / x.content;
+    let stiff = Stiff {
+        mass_by_mass: by_pressure * pressure_by_mass,
+        mass_by_spool: by_spool,
+        spool_by_mass: command.spool_by_pressure * pressure_by_mass / k.spool_time,
+    };
+    (rate, stiff)
+}
+
+/// One ROS2 step of length `h` from time `t` of the arm's step on.
+#[inline(always)]
+fn substep<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Drive<T>, t: f64, h: f64) -> Input<T> {
+    const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+    let one = T::one();
+    let (f1, stiff) = rates(k, control_volume, x, drive, t);
+    let g = GAMMA * h;
+    // (1 - gamma h W) k = f for mass and spool, by Cramer's rule: both diagonal entries are at least 1, and the
+    // controller counteracts, so that the determinant is too.
+    let (mm, ms, sm) = (one - stiff.mass_by_mass * g, -stiff.mass_by_spool * g, -stiff.spool_by_mass * g);
+    let ss = one + k.spool_time.recip() * g;
+    let inverse = (mm * ss - ms * sm).recip();
+    let solve = |f: Input<T>| Input {
+        content: (f.content * ss - ms * f.spool) * inverse,
+        spool: (f.spool * mm - sm * f.content) * inverse,
+        integral: f.integral,
+    };
+    let k1 = solve(f1);
+    let at = |w: f64, a: Input<T>, b: Input<T>| Input {
+        content: a.content + b.content * w,
+        spool: a.spool + b.spool * w,
+        integral: a.integral + b.integral * w,
+    };
+    let (f2, _) = rates(k, control_volume, at(h, x, k1), drive, t + h);
+    let k2 = solve(at(-2.0, f2, k1));
+    at(0.5 * h, at(1.5 * h, x, k1), k2)
+}
+
+#[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
+mod tests;
