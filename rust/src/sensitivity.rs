@@ -61,6 +61,11 @@ impl Trajectory<'_> {
         directions: &[Direction<'_>],
         watch: &mut impl FnMut() -> bool,
     ) -> Result<(Vec<f64>, Vec<f64>)> {
+        // Chamber pressures are states of their own; without them the derivatives would be quietly wrong.
+        if self.arm.pneumatics.is_some() {
+            let text = "sensitivities: an arm with pneumatics is not supported; take its pneumatics away";
+            return Err(Error::Input(text.to_owned()));
+        }
         let size = 2 * self.arm.coordinates();
         if self.state.len() != size || directions.iter().any(|d| d.state.len() != size) {
             return Err(Error::Input(format!("initial state and its derivatives: {size} numbers are needed")));
