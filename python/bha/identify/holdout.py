@@ -13,6 +13,7 @@ from bha.arm import Arm
 from bha.errors import ConvergenceError
 from bha.identify.engine import Model
 from bha.identify.initial import guess_state
+from bha.identify.integration import choose_integration
 from bha.identify.records import Record, Window
 from bha.identify.solver import Point, Problem, Residuals, solve
 
@@ -60,14 +61,18 @@ class Prediction:
         return {section: float(np.sqrt(square)) for section, square in squares.items()}
 
 
-def predict(arm: Arm, records: Sequence[Record], *, step: float = 2.5e-3, threads: int | None = None) -> list[Prediction]:
+def predict(arm: Arm, records: Sequence[Record], *, step: float | None = None, threads: int | None = None) -> list[Prediction]:
     """Predict whole records with an arm; the initial state of each is estimated from its first second.
 
     A simulation that fails is reported in its place.
     """
-    model = Model(arm.parameters, (), tuple(records), step=step, threads=threads)
+    model = Model(arm.parameters, (), tuple(records), threads=threads)
     whole = [Window(k, 0, len(rec)) for k, rec in enumerate(records)]
     states = np.stack([guess_state(arm, rec, 0) for rec in records])
+    if step is not None:
+        model = replace(model, step=step)
+    else:
+        model = choose_integration(model, np.zeros(0), whole, states)
     states = _start_states(model, states)
     predictions = []
     for rec, predicted in zip(records, model.predict(np.zeros(0), whole, states), strict=True):
