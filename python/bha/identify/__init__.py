@@ -6,11 +6,11 @@ tells. The paper's procedures of section IV, each on its own, are ``inertia``, `
 ``bending_stiffness`` and ``swing_damping``; ``excite`` proposes what to measure.
 """
 
-from bha.identify.excite import Excitation, excite
+from bha.identify.excitation import Excitation, excite
 from bha.identify.free import FreeParameter, default_free
 from bha.identify.holdout import Prediction, predict
 from bha.identify.identifiability import Combination, unknown_combinations
-from bha.identify.inertia import Inertia, inertia
+from bha.identify.moments import Inertia, inertia
 from bha.identify.records import Record, frozen_spans, record
 from bha.identify.refine import Refinement, Settings, refine
 from bha.identify.residuals import ChannelResidual

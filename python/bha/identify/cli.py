@@ -11,7 +11,7 @@ from rich.table import Table
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors
 from bha.errors import InputError
-from bha.identify.excite import KINDS, Excitation, excite
+from bha.identify.excitation import KINDS, Excitation, excite
 from bha.identify.free import FreeParameter
 from bha.identify.records import Record, frozen_spans, record
 from bha.identify.refine import Settings
