@@ -87,7 +87,7 @@ def simulate_batch(
         times: times of the rows, s, on the clock of the input, shape (rows,) or (members, rows), ascending; NaN at a
             row's end where a member has fewer. The samples of the first input from the start on if None.
         start: when the members start, s, a number or (members,); the first sample of the input if None.
-        method: ``"rk4"`` or ``"dopri5"``.
+        method: ``"rk4"``, ``"ros2"`` or ``"dopri5"``.
         step: longest step of ``rk4``, s.
         rtol: relative tolerance of ``dopri5``.
         atol: absolute tolerance of ``dopri5``, m and m/s.

@@ -17,7 +17,7 @@ from bha.trajectory import Trajectory
 if TYPE_CHECKING:
     from bha.arm import Arm
 
-Method = Literal["dopri5", "rk4"]
+Method = Literal["dopri5", "rk4", "ros2"]
 Interpolation = Literal["linear", "hold"]
 
 #: Rows between two reports of progress.
@@ -60,8 +60,9 @@ class Options:
     """How to integrate.
 
     Attributes:
-        method: ``"dopri5"``, adaptive Dormand-Prince 5(4) with dense output, or ``"rk4"``, fixed step.
-        step: longest step of ``rk4``, s; its steps end on every output and on every jump of the input.
+        method: ``"dopri5"``, adaptive Dormand-Prince 5(4) with dense output, or ``"rk4"``, fixed step, or ``"ros2"``,
+            linearly implicit with fixed step, for arms whose damping makes them stiff.
+        step: longest step of ``rk4`` and ``ros2``, s; steps end on every output and on every jump of the input.
         rtol: relative tolerance of ``dopri5``.
         atol: absolute tolerance of ``dopri5``, m and m/s.
         min_step: shortest step of ``dopri5``, s; needing a shorter one is an error.
@@ -209,7 +210,7 @@ def simulate(
         qd0: initial rates (3n,), m/s; zero if None.
         commanded: drive with a log's commanded pressures instead of the measured ones.
         options: how to integrate; ``method`` and ``step`` override it.
-        method: ``"dopri5"`` or ``"rk4"``.
+        method: ``"dopri5"``, ``"rk4"`` or ``"ros2"``.
         step: step of ``rk4``, s.
         progress: called with the fraction done.
 

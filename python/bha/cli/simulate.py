@@ -30,7 +30,7 @@ FIGURE_ROWS = 4000
 @click.option("--plot", is_flag=True, help="Write figures beside the trajectory (or the log's name).")
 @click.option("--commanded", is_flag=True, help="Drive with the commanded pressures (pc..), not the measured ones.")
 @click.option("--dt", type=float, help="Distance of the output rows [s]; the log's own times if left out.")
-@click.option("--method", type=click.Choice(["dopri5", "rk4"]), default="dopri5", show_default=True)
+@click.option("--method", type=click.Choice(["dopri5", "rk4", "ros2"]), default="dopri5", show_default=True)
 @click.option("--step", type=float, default=1e-3, show_default=True, help="Step of rk4 [s].")
 @click.option("--rtol", type=float, default=1e-6, show_default=True, help="Relative tolerance of dopri5.")
 @click.option("--atol", type=float, default=1e-8, show_default=True, help="Absolute tolerance of dopri5 [m, m/s].")

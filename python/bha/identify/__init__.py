@@ -1,34 +1,59 @@
 """Identification: from measured logs to the parameters of an arm, with how well they are known.
 
 ``identify`` does the whole of it. Its parts: ``record`` (logs as residuals see them), ``refine`` (joint fit by output
-error), ``identification`` (what is known and what is left), ``predict`` (held-out logs); the paper's procedures of
-section IV, each on its own, are ``inertia``, ``longitudinal_stiffness``, ``bending_stiffness`` and ``swing_damping``.
+error), ``identification`` (what is known and what is left), ``predict`` (held-out logs); ``fit_poses`` fits what a slow arm
+tells. The paper's procedures of section IV, each on its own, are ``inertia``, ``longitudinal_stiffness``,
+``bending_stiffness`` and ``swing_damping``; ``excite`` proposes what to measure.
 """
 
+from bha.identify.excitation import Excitation, excite
 from bha.identify.free import FreeParameter, default_free
 from bha.identify.holdout import Prediction, predict
 from bha.identify.identifiability import Combination, unknown_combinations
+from bha.identify.moments import Inertia, inertia
 from bha.identify.records import Record, frozen_spans, record
 from bha.identify.refine import Refinement, Settings, refine
 from bha.identify.residuals import ChannelResidual
 from bha.identify.result import Estimate, HeldOut, Identification, identification
+from bha.identify.static_fit import StaticFit, fit_poses
+from bha.identify.statics import StiffnessFit, bending_stiffness, longitudinal_stiffness
+from bha.identify.stretches import SteadyState, Stretch, steady_states, swings
+from bha.identify.swing import Oscillation, SwingFit, swing_damping
+from bha.identify.workflow import identify
 
 __all__ = [
     "ChannelResidual",
     "Combination",
     "Estimate",
+    "Excitation",
     "FreeParameter",
     "HeldOut",
     "Identification",
+    "Inertia",
+    "Oscillation",
     "Prediction",
     "Record",
     "Refinement",
     "Settings",
+    "StaticFit",
+    "SteadyState",
+    "StiffnessFit",
+    "Stretch",
+    "SwingFit",
+    "bending_stiffness",
     "default_free",
+    "excite",
+    "fit_poses",
     "frozen_spans",
     "identification",
+    "identify",
+    "inertia",
+    "longitudinal_stiffness",
     "predict",
     "record",
     "refine",
+    "steady_states",
+    "swing_damping",
+    "swings",
     "unknown_combinations",
 ]

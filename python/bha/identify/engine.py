@@ -18,7 +18,7 @@ from bha.errors import ConvergenceError, ParameterError
 from bha.identify.free import Coordinate, apply
 from bha.identify.records import Record, Window
 from bha.parameters import ArmParameters
-from bha.simulation import Input
+from bha.simulation import Input, Method
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,7 @@ class Model:
         coordinates: the free parameters.
         records: what it is compared with.
         step: step of the integrator, s.
+        method: the integrator, ``"rk4"`` or, for arms whose damping makes them stiff, ``"ros2"``.
         threads: threads of the batch; all cores if None.
     """
 
@@ -48,6 +49,7 @@ class Model:
     coordinates: tuple[Coordinate, ...]
     records: tuple[Record, ...]
     step: float = 2.5e-3
+    method: Method = "rk4"
     threads: int | None = None
 
     def arm(self, z: Array, session: str = "") -> Arm:
@@ -153,7 +155,7 @@ class Model:
             np.stack([state for _, _, state in members]),
             times=times,
             start=times[:, 0].copy(),
-            method="rk4",
+            method=self.method,
             step=self.step,
             velocities=False,
             head_positions=True,

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from bha import names
 from bha.arm import Arm
 from bha.errors import ConvergenceError
-from bha.identify.engine import Model
+from bha.identify.engine import STEPS, Model
 from bha.identify.initial import guess_state
+from bha.identify.integration import choose_integration
 from bha.identify.records import Record, Window
+from bha.identify.refine import scales
 from bha.identify.solver import Point, Problem, Residuals, solve
 
 Array = NDArray[np.float64]
@@ -61,44 +63,44 @@ class Prediction:
 
 
 def predict(
-    arm: Arm, records: Sequence[Record], *, step: float = 2.5e-3, threads: int | None = None
+    arm: Arm, records: Sequence[Record], *, step: float | None = None, threads: int | None = None
 ) -> list[Prediction]:
     """Predict whole records with an arm; the initial state of each is estimated from its first second.
 
-    A simulation that fails is reported in its place.
+    The integrator is chosen for each record unless ``step`` (of the classical method) is given. A simulation that fails is
+    reported in its place.
     """
-    model = Model(arm.parameters, (), tuple(records), step=step, threads=threads)
-    whole = [Window(k, 0, len(rec)) for k, rec in enumerate(records)]
-    states = np.stack([guess_state(arm, rec, 0) for rec in records])
-    states = _start_states(model, states)
-    predictions = []
-    for rec, predicted in zip(records, model.predict(np.zeros(0), whole, states), strict=True):
-        bad = ~np.all(np.isfinite(predicted), axis=1)
-        predictions.append(Prediction(rec, predicted, float(rec.time[np.argmax(bad)]) if bad.any() else None))
-    return predictions
+    return [_predict(arm, rec, step, threads) for rec in records]
 
 
-def _start_states(model: Model, guesses: Array) -> Array:
-    """The initial states that fit the first second of each record best."""
-    pieces = []
-    for k, rec in enumerate(model.records):
-        last = int(np.searchsorted(rec.time, rec.time[0] + START_SECONDS))
-        pieces.append(Window(k, 0, min(max(last, 8), len(rec))))
-    residuals = Residuals(tuple(rec.noise for rec in model.records), huber=np.inf)
-    states = guesses.copy()
-    for k, window in enumerate(pieces):
-        alone = replace(model, records=(model.records[k],))
-        problem = Problem(
-            alone,
-            (replace(window, record=0),),
-            replace(residuals, scale=(residuals.scale[k],)),
-            guesses[k : k + 1],
-            (np.zeros(0), np.ones(0)),
-        )
+def _predict(arm: Arm, rec: Record, step: float | None, threads: int | None) -> Prediction:
+    model = Model(arm.parameters, (), (rec,), threads=threads)
+    whole, none = [Window(0, 0, len(rec))], np.zeros(0)
+    states = guess_state(arm, rec, 0)[None]
+    if step is not None:
+        model = replace(model, step=step)
+    else:
         try:
-            states[k] = solve(
-                problem, Point(np.zeros(0), guesses[k : k + 1]), max_iterations=6, tolerance=1e-3
-            ).point.states[0]
+            model = choose_integration(model, none, whole, states)
         except ConvergenceError:
-            continue
-    return states
+            model = replace(model, step=STEPS[-1])
+    states = _start_state(model, states)
+    predicted = model.predict(none, whole, states)[0]
+    bad = ~np.all(np.isfinite(predicted), axis=1)
+    return Prediction(rec, predicted, float(rec.time[np.argmax(bad)]) if bad.any() else None)
+
+
+def _start_state(model: Model, guess: Array) -> Array:
+    """The initial state that fits the first second of the model's only record best, shape (1, 6n)."""
+    rec = model.records[0]
+    last = int(np.searchsorted(rec.time, rec.time[0] + START_SECONDS))
+    window = Window(0, 0, min(max(last, 8), len(rec)))
+    nothing = (np.zeros(0), np.ones(0))
+    problem = Problem(model, (window,), Residuals((rec.noise,), huber=np.inf), guess, nothing)
+    point = Point(np.zeros(0), guess)
+    try:
+        # Where the model is wrong, its own error is the scale: the state must not make up for it.
+        problem = problem.rescaled(scales(problem, point))
+        return solve(problem, point, max_iterations=6, tolerance=1e-3).point.states
+    except ConvergenceError:
+        return guess

@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError
-from bha.identify.engine import STEPS, Model
+from bha.identify.engine import Model
 from bha.identify.free import Coordinate, FreeParameter, resolve
 from bha.identify.initial import guess_state
+from bha.identify.integration import choose_integration, too_coarse
 from bha.identify.records import Record, Window, some_of, windows
 from bha.identify.solver import HUBER, Outcome, Point, Problem, Residuals, solve
 from bha.identify.uncertainty import Uncertainty, uncertainty
+from bha.simulation import Method
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -35,8 +37,6 @@ _TOLERANCE = 1e-6
 _COARSE_INTERVAL = 0.01
 #: Scales that change by less than this part are settled.
 _SETTLED = 0.05
-#: Error of the integrator's step that is allowed, in sensor noises.
-_STEP_SHARE = 0.1
 _SHORT_BUDGET = 20.0
 
 
@@ -48,6 +48,8 @@ class Settings:
         windows: lengths of the windows of the successive stages, s; None is a whole log.
         huber: Huber's constant, in scales of the residuals; infinite for plain least squares.
         step: step of the integrator, s; chosen and checked if None.
+        method: the integrator, ``"rk4"`` or ``"ros2"``; chosen if None (``"rk4"`` where only ``step`` is given).
+        interval: rows closer together than this are thinned, s; what drives the arm keeps all its samples.
         max_iterations: most steps of the last stage.
         threads: threads of the simulations; all cores if None.
         draws: redrawn pressure noises for the standard errors; 0 leaves pressure noise out.
@@ -57,6 +59,8 @@ class Settings:
     windows: tuple[float | None, ...] = (0.75, 6.0)
     huber: float = HUBER
     step: float | None = None
+    method: Method | None = None
+    interval: float = 0.0
     max_iterations: int = 40
     threads: int | None = None
     draws: int = 24
@@ -168,10 +172,9 @@ def refine(
         else:
             problem = _stage_problem(staged, z, (mean, deviation), length, settings, budget)
             states = problem.guesses
-        if finer is None:
-            tell("choosing the step of the integrator", number / (len(stages) + 1))
-        step = settings.step or choose_step(staged, z, problem.windows, states) * (finer or 1.0)
-        problem = replace(problem, model=replace(staged, step=step))
+        tell("choosing the step of the integrator", number / (len(stages) + 1))
+        staged = _integrated(staged, z, problem, states, settings, finer)
+        problem = replace(problem, model=staged)
         outcome = fit_with_scales(
             problem,
             Point(z, states),
@@ -182,10 +185,10 @@ def refine(
         )
         problem = problem.rescaled(scales(problem, outcome.point))
         z = outcome.point.z
-        if final and settings.step is None and finer is None and _too_coarse(problem, outcome.point):
+        if final and settings.step is None and finer is None and too_coarse(problem, outcome.point):
             # What was fine enough at the start need not be at the end, where frequencies are others.
             finer = 0.5
-            stages.append((length, 0.0, None))
+            stages.append((length, settings.interval, None))
     assert problem is not None
     assert outcome is not None
     tell("standard errors", len(stages) / (len(stages) + 1))
@@ -198,11 +201,22 @@ def refine(
     return Refinement(problem, outcome, known, clock.perf_counter() - began)
 
 
+def _integrated(
+    model: Model, z: Array, problem: Problem, states: Array, settings: Settings, finer: float | None
+) -> Model:
+    """The model with the integrator that the settings ask for, or the one that is accurate enough."""
+    if settings.step is not None:
+        return replace(model, method=settings.method or "rk4", step=settings.step)
+    chosen = choose_integration(model, z, problem.windows, states, methods=settings.method)
+    return replace(chosen, step=chosen.step * (finer or 1.0))
+
+
 def _stages(settings: Settings) -> list[tuple[float | None, float, float | None]]:
     """Length of windows, interval of rows and budget of the stages: coarse and on a part first, on everything last."""
     short = (_SHORT_BUDGET if length is not None and length <= 2.0 else None for length in settings.windows)
-    stages = [(length, _COARSE_INTERVAL, budget) for length, budget in zip(settings.windows, short, strict=True)]
-    return [*stages, (settings.windows[-1], 0.0, None)]
+    coarse = max(_COARSE_INTERVAL, settings.interval)
+    stages = [(length, coarse, budget) for length, budget in zip(settings.windows, short, strict=True)]
+    return [*stages, (settings.windows[-1], settings.interval, None)]
 
 
 def _on_all_rows(problem: Problem, model: Model, point: Point) -> tuple[Problem, Array]:
@@ -219,14 +233,6 @@ def _on_all_rows(problem: Problem, model: Model, point: Point) -> tuple[Problem,
         end = len(model.records[w.record]) if k + 1 == len(pieces) or pieces[k + 1].record != w.record else None
         pieces[k] = replace(w, last=end or pieces[k + 1].first)
     return replace(problem, model=model, windows=tuple(pieces)), point.states
-
-
-def _too_coarse(problem: Problem, point: Point) -> bool:
-    """Whether halving the integrator's step changes predictions by more than a fifth of the noise."""
-    model = problem.model
-    coarse = model.predict(point.z, problem.windows, point.states)
-    fine = replace(model, step=model.step / 2).predict(point.z, problem.windows, point.states)
-    return _step_error(model, problem.windows, coarse, fine) > 2.0 * _STEP_SHARE
 
 
 def _stage_problem(
@@ -304,42 +310,3 @@ def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable
     return None if progress is None else lambda iteration, cost: progress(iteration + by, cost)
 
 
-def choose_step(
-    model: Model, z: Array, pieces: Sequence[Window], states: Array, *, share: float = _STEP_SHARE
-) -> float:
-    """The longest step of the integrator whose error stays below ``share`` of every channel's noise.
-
-    The error is the change when the step is halved, root mean square over a few windows. No step is longer than the
-    interval of the rows, on which all steps end.
-
-    Raises:
-        ConvergenceError: every step fails.
-    """
-    chosen = np.unique(np.linspace(0, len(pieces) - 1, min(4, len(pieces))).astype(int))
-    some, their = [pieces[k] for k in chosen], states[chosen]
-    interval = max(float(np.median(np.diff(model.records[w.record].time[w.first : w.last]))) for w in some)
-    steps = [s for s in STEPS if s <= 1.01 * interval] or [STEPS[-1]]
-    coarse: list[Array] | None = None
-    for step in (*steps, steps[-1] / 2):
-        fine = replace(model, step=step).predict(z, some, their)
-        if coarse is not None and _step_error(model, some, coarse, fine) < share:
-            return 2.0 * step
-        coarse = fine
-    assert coarse is not None
-    failed = [k for k, c in enumerate(coarse) if not np.all(np.isfinite(c))]
-    if failed:
-        window = some[failed[0]]
-        rec = model.records[window.record]
-        raise ConvergenceError(
-            f"{rec.name}: the simulation with the starting values fails between {rec.time[window.first]:g} and "
-            f"{rec.time[window.last - 1]:g} s with every step tried; start from values nearer to the arm's"
-        )
-    return steps[-1] / 2
-
-
-def _step_error(model: Model, some: Sequence[Window], coarse: list[Array], fine: list[Array]) -> float:
-    worst = 0.0
-    for window, a, b in zip(some, coarse, fine, strict=True):
-        error = np.sqrt(np.mean((a - b) ** 2, axis=0)) / model.records[window.record].noise
-        worst = max(worst, float(np.max(error)) if np.all(np.isfinite(error)) else np.inf)
-    return worst

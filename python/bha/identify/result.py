@@ -116,6 +116,7 @@ class Identification:
             "message": outcome.message,
             "iterations": outcome.iterations,
             "seconds": self.refinement.seconds,
+            "method": self.refinement.problem.model.method,
             "step": self.refinement.problem.model.step,
             "parameters": [vars(e) for e in self.estimates],
             "correlation": self.correlation,
@@ -187,10 +188,9 @@ def _left(refinement: Refinement, arm: Arm) -> list[ChannelResidual]:
 
 def _held_out(start: Arm, refinement: Refinement, records: Sequence[Record]) -> list[HeldOut]:
     found = []
-    step = refinement.problem.model.step
     for rec in records:
-        before = predict(start, [rec], step=step)[0]
-        after = predict(refinement.arm_of(rec.session), [rec], step=step)[0]
+        before = predict(start, [rec])[0]
+        after = predict(refinement.arm_of(rec.session), [rec])[0]
         found.append(HeldOut(before, after))
     return found
 

@@ -147,7 +147,7 @@ impl Batch<'_> {
 
     /// The members in blocks that can be abreast.
     fn blocks<'b>(&'b self, slots: Vec<Slot<'b>>, stop: &'b AtomicBool) -> Vec<Block<'b, 'b>> {
-        let fixed_step = self.options.method == Method::Rk4;
+        let fixed_step = self.options.method != Method::DormandPrince54;
         let usable = fixed_step && self.instruction_set.is_available();
         let width = if usable { self.instruction_set.lanes() } else { 1 };
         let mut full = Vec::new();

@@ -1,10 +1,11 @@
-//! Explicit Runge-Kutta integration: tableaux as data, one stepping loop that knows no method.
+//! Runge-Kutta integration, explicit and linearly implicit: tableaux as data, one stepping loop that knows no method.
 
+mod implicit;
 mod runge_kutta;
 mod tableau;
 
 pub use runge_kutta::{Integrator, Options, Statistics};
-pub use tableau::{DORMAND_PRINCE_54, Method, RK4, Tableau};
+pub use tableau::{DORMAND_PRINCE_54, Method, RK4, ROS2, Tableau};
 
 use crate::real::Real;
 

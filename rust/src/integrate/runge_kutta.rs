@@ -5,6 +5,7 @@
 //! steps, at most `step` long, that end on every output and every break.
 
 use super::System;
+use super::implicit::Implicit;
 use super::tableau::{Method, Tableau};
 use crate::error::{Error, Result};
 use crate::real::Real;
@@ -73,6 +74,8 @@ pub struct Integrator<T> {
     last_error: f64,
     statistics: Statistics,
     output: Vec<T>,
+    /// Of a linearly implicit method.
+    implicit: Option<Implicit<T>>,
 }
 
 /// Steps between two questions whether to stop.
@@ -98,6 +101,7 @@ impl<T: Real> Integrator<T> {
             last_error: 1.0,
             statistics: Statistics::default(),
             output: zero,
+            implicit: (tableau.gamma > 0.0).then(|| Implicit::new(x.len())),
         }
     }
 
@@ -187,9 +191,23 @@ impl<T: Real> Integrator<T> {
             self.statistics.evaluations += 1;
         }
         let tableau = self.tableau;
+        if let Some(implicit) = &mut self.implicit {
+            implicit.factor(system, self.t, &self.x, &self.k[0], tableau.gamma * h);
+            implicit.solve(&mut self.k[0]);
+            self.statistics.evaluations += self.x.len() as u64;
+        }
         for (i, row) in tableau.a.iter().enumerate() {
             self.combine(row, h);
             system.derivative(self.t + tableau.c[i + 1] * h, &self.stage, &mut self.k[i + 1]);
+            if let Some(implicit) = &self.implicit {
+                let (before, now) = self.k.split_at_mut(i + 1);
+                for (c, k) in tableau.coupling[i].iter().zip(before) {
+                    for (s, d) in now[0].iter_mut().zip(k.iter()) {
+                        *s += *d * *c;
+                    }
+                }
+                implicit.solve(&mut now[0]);
+            }
         }
         self.statistics.evaluations += tableau.a.len() as u64;
         if !tableau.first_same_as_last {

@@ -1,6 +1,6 @@
 //! Butcher tableaux, as data.
 
-/// Coefficients of an explicit Runge-Kutta method.
+/// Coefficients of a Runge-Kutta method, explicit or linearly implicit (Rosenbrock-W).
 #[derive(Debug)]
 pub struct Tableau {
     /// Name as users give it.
@@ -19,6 +19,10 @@ pub struct Tableau {
     pub dense: &'static [[f64; 4]],
     /// Whether the last stage is the first one of the next step.
     pub first_same_as_last: bool,
+    /// gamma of a linearly implicit method, (I - gamma h J) k_i = f(x + h sum a_ij k_j) + sum c_ij k_j; 0 for explicit ones.
+    pub gamma: f64,
+    /// Rows c_ij of a linearly implicit method, from the second stage on; empty for explicit ones.
+    pub coupling: &'static [&'static [f64]],
 }
 
 /// Which method.
@@ -28,12 +32,14 @@ pub enum Method {
     Rk4,
     /// Dormand-Prince 5(4), adaptive step.
     DormandPrince54,
+    /// Rosenbrock-W of order 2, fixed step, for stiff arms.
+    Ros2,
 }
 
 impl Method {
     /// By the user's name.
     pub fn by_name(name: &str) -> Option<Self> {
-        [Self::Rk4, Self::DormandPrince54].into_iter().find(|m| m.tableau().name == name)
+        [Self::Rk4, Self::DormandPrince54, Self::Ros2].into_iter().find(|m| m.tableau().name == name)
     }
 
     /// Its coefficients.
@@ -41,6 +47,7 @@ impl Method {
         match self {
             Self::Rk4 => &RK4,
             Self::DormandPrince54 => &DORMAND_PRINCE_54,
+            Self::Ros2 => &ROS2,
         }
     }
 }
@@ -55,6 +62,22 @@ pub static RK4: Tableau = Tableau {
     error: &[],
     dense: &[],
     first_same_as_last: false,
+    gamma: 0.0,
+    coupling: &[],
+};
+
+/// Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480: L-stable, order 2 whatever stands for J.
+pub static ROS2: Tableau = Tableau {
+    name: "ros2",
+    order: 2,
+    c: &[0.0, 1.0],
+    a: &[&[1.0]],
+    b: &[1.5, 0.5],
+    error: &[],
+    dense: &[],
+    first_same_as_last: false,
+    gamma: 1.0 - std::f64::consts::FRAC_1_SQRT_2,
+    coupling: &[&[-2.0]],
 };
 
 /// Dormand & Prince, J. Comp. Appl. Math. 6 (1980) 19-26; dense output of order 4 by Shampine, Math. Comp. 46 (1986) 135-150.
@@ -82,6 +105,8 @@ pub static DORMAND_PRINCE_54: Tableau = Tableau {
         [0.0, 40617522.0 / 29380423.0, -110615467.0 / 29380423.0, 69997945.0 / 29380423.0],
     ],
     first_same_as_last: true,
+    gamma: 0.0,
+    coupling: &[],
 };
 
 #[cfg(test)]

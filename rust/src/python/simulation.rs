@@ -135,7 +135,7 @@ pub(super) fn options(
     max_steps: Option<u64>,
 ) -> PyResult<Options> {
     let method = Method::by_name(method)
-        .ok_or_else(|| input(py, format!("method: {method:?}; \"dopri5\" or \"rk4\" are allowed")))?;
+        .ok_or_else(|| input(py, format!("method: {method:?}; \"dopri5\", \"rk4\" or \"ros2\" are allowed")))?;
     for (name, value) in
         [("step", step), ("rtol", rtol), ("atol", atol), ("min_step", min_step), ("max_step", max_step)]
     {

@@ -1,0 +1,51 @@
+"""From logs to a parameter file: the whole of identification in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from bha.arm import Arm
+from bha.errors import InputError
+from bha.identify.free import FreeParameter, default_free
+from bha.identify.records import Record, record
+from bha.identify.refine import Settings, refine
+from bha.identify.result import Identification, identification
+from bha.log import Log
+
+
+def identify(
+    arm: Arm,
+    logs: Sequence[Log | Record],
+    free: Iterable[FreeParameter | str] | None = None,
+    *,
+    holdout: Sequence[Log | Record] = (),
+    settings: Settings | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Identification:
+    """Identify parameters of an arm from measured logs.
+
+    Args:
+        arm: where to start from; what is not free stays as it is.
+        logs: logs to fit, with measured pressures and lengths or head positions.
+        free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; per section
+            mass, stiffness, bending stiffness and damping if None.
+        holdout: logs that take no part in the fit and are predicted before and after it.
+        settings: how to fit.
+        progress: called with what is being done and the fraction done (a guess).
+
+    Returns:
+        Estimates with intervals, what the data do not tell, what is left, held-out errors, warnings. A fit that did not
+        converge is returned too, with ``converged`` false.
+
+    Raises:
+        InputError: no log, or arguments that do not fit together.
+        LogError: a log lacks a pressure of the arm.
+        ParameterError: a path the arm does not have.
+        ConvergenceError: the simulation fails with the starting values.
+    """
+    if not logs:
+        raise InputError("there is no log to identify from; give at least one")
+    used = [item if isinstance(item, Record) else record(arm, item) for item in logs]
+    held = [item if isinstance(item, Record) else record(arm, item) for item in holdout]
+    fit = refine(arm, used, default_free(arm.parameters) if free is None else free, settings, progress=progress)
+    return identification(arm, fit, held)
