@@ -17,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := $(BIN)/python -m pip --quiet
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint bench wheel experiments clean
+.PHONY: help demo test lint bench wheel experiments blind clean
 
 help: ## List what there is
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -54,6 +54,15 @@ wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it
 
 experiments: $(VENV)/.ready-all ## The paper's experiments again: docs/experiments.md
 	$(BIN)/bha experiment all --out docs
+
+# BLIND_SUBSET=report is for reporting, tune for tuning; BLIND_SEED makes a new plan of the same kind. Goes on where it stopped.
+BLIND_SUBSET ?= report
+BLIND_SEED ?= 1
+BLIND_CASES ?=
+blind: $(VENV)/.ready-blind ## Diagnosis of hidden effects, blind
+	cd benches/blind && $(CURDIR)/$(BIN)/python -m blindgen all --subset $(BLIND_SUBSET) --seed $(BLIND_SEED) \
+	  $(if $(BLIND_CASES),--cases $(BLIND_CASES)) --out $(abspath $(OUT))/blind \
+	  --product '$(CURDIR)/$(BIN)/bha diagnose {arm} {train} --holdout {holdout} --out {out} --no-report --threads 1'
 
 clean: ## Remove all that was built: .venv, target, out, dist and caches
 	rm -rf $(VENV) target out dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks

@@ -4,6 +4,8 @@ from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
 from bha.batch import Batch, simulate_batch
+from bha.derivatives import Derivatives, Sensitivities, parameter_names, sensitivities
+from bha.diagnose import diagnose
 from bha.errors import (
     BhaError,
     ConvergenceError,
@@ -24,6 +26,7 @@ __all__ = [
     "Batch",
     "BhaError",
     "ConvergenceError",
+    "Derivatives",
     "Input",
     "InputError",
     "Log",
@@ -33,12 +36,16 @@ __all__ = [
     "Options",
     "ParameterError",
     "ParameterWarning",
+    "Sensitivities",
     "Simulation",
     "SimulationError",
     "Trajectory",
     "TrajectoryWriter",
     "__version__",
+    "diagnose",
+    "parameter_names",
     "robots",
+    "sensitivities",
     "simulate",
     "simulate_batch",
 ]

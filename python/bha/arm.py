@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel
+
+if TYPE_CHECKING:
+    from bha.derivatives import Derivatives
 
 
 class Arm(_core.Arm):
@@ -16,13 +22,15 @@ class Arm(_core.Arm):
     Create one with :meth:`load`, :func:`bha.robots.load` or :meth:`from_parameters`.
     """
 
-    __slots__ = ("_parameters",)
+    __slots__ = ("_differentiators", "_parameters")
     _parameters: ArmParameters
+    _differentiators: dict[tuple[str, ...], Callable[..., Derivatives]]
 
     def __new__(cls, parameters: ArmParameters) -> Self:
         """Build the model of ``parameters``; the same as :meth:`from_parameters`."""
         self = super().__new__(cls, parameters.to_core_json())
         self._parameters = parameters
+        self._differentiators = {}
         return self
 
     @classmethod
@@ -118,6 +126,40 @@ class Arm(_core.Arm):
         """
         tables = [effect.to_mapping() if isinstance(effect, EffectParameters) else dict(effect) for effect in effects]
         return type(self)(self._parameters.updated({"effect": tables}))
+
+    def forward_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        p: ArrayLike,
+        f_ext: ArrayLike | None = None,
+        *,
+        parameters: Sequence[str] = (),
+    ) -> Derivatives:
+        """Exact derivatives of q'' by lengths, rates, pressures and the parameters at some paths (``section.2.mass``).
+
+        What it prepares for a set of parameters is kept for the next call.
+
+        Raises:
+            InputError: an array of the wrong shape or with a value that is not finite.
+            ParameterError: there is no such parameter.
+        """
+        from bha.derivatives import differentiator  # noqa: PLC0415  (it needs this module's class)
+
+        names = tuple(parameters)
+        if names not in self._differentiators:
+            self._differentiators[names] = differentiator(self, names)
+        return self._differentiators[names](q, qd, p, f_ext)
+
+    def linearize(self, q: ArrayLike, qd: ArrayLike, p: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A (6n, 6n) and B (6n, inputs) of x' = A x + B p for small deviations, x = (q, q'), from any state.
+
+        Raises:
+            InputError: an array of the wrong shape or with a value that is not finite.
+        """
+        from bha.derivatives import linearize  # noqa: PLC0415  (it needs this module's class)
+
+        return linearize(self, q, qd, p)
 
     def __reduce__(self) -> tuple[type[Self], tuple[ArmParameters]]:
         """Pickle as the parameters; the model is built again from them."""

@@ -323,7 +323,7 @@ impl<T: Real> Arm<T> {
 
 impl<T> Arm<T> {
     /// Number of coordinates, three a section.
-    #[inline(always)]
+    #[inline]
     pub fn coordinates(&self) -> usize {
         3 * self.sections.len()
     }

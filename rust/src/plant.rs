@@ -115,7 +115,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Commands `p` from now on, in place of the inputs' pressures.
-    #[inline(always)]
+    #[inline]
     pub fn hold(&mut self, p: &[T]) {
         self.read.0 = f64::NAN;
         match &mut self.held {
@@ -125,7 +125,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Whether there are external forces.
-    #[inline(always)]
+    #[inline]
     fn has_forces(&self) -> bool {
         self.drives[0].input.has_forces()
     }
@@ -165,7 +165,7 @@ impl<T: Real> Plant<T> {
 
     /// Pressures in the chambers at `t` and lengths `q`, within the last step, into `out`; the commands as they are
     /// without pneumatics.
-    #[inline(always)]
+    #[inline]
     pub fn chamber_pressures_into(&mut self, t: f64, q: &[T], out: &mut [T]) {
         match &mut self.chambers {
             Some(chambers) => chambers.pressures(&self.arm, t, q, out),
@@ -175,7 +175,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Commanded pressures at `t` into `out`.
-    #[inline(always)]
+    #[inline]
     fn commands_into(&mut self, t: f64, before: bool, out: &mut [T]) {
         match &self.held {
             Some(held) => out.copy_from_slice(held),
@@ -184,7 +184,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Reads the inputs at `t` into the work space; `q` are the lengths then.
-    #[inline(always)]
+    #[inline]
     fn read_input(&mut self, t: f64, q: &[T]) {
         let before = t >= self.step_end;
         let again = self.read == (t, before);
@@ -218,7 +218,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Takes the chambers over the step from (`t0`, `x0`) to `t1`.
-    #[inline(always)]
+    #[inline]
     fn begin_chambers(&mut self, t0: f64, t1: f64, x0: &[T]) {
         if self.chambers.is_none() {
             return;
@@ -233,7 +233,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Notes what comes into the chain over a step: with the lengths moving on evenly, since the chain comes first.
-    #[inline(always)]
+    #[inline]
     fn begin_history(&mut self, t0: f64, t1: f64) {
         let Some(history) = &mut self.history else { return };
         history.begin_step();
@@ -247,7 +247,7 @@ impl<T: Real> Plant<T> {
 }
 
 /// Where each lane's input stands at `t`.
-#[inline(always)]
+#[inline]
 fn places(drives: &mut [Drive], t: f64, before: bool) -> [(usize, f64); MOST_LANES] {
     let mut places = [(0, 0.0); MOST_LANES];
     for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
@@ -257,7 +257,7 @@ fn places(drives: &mut [Drive], t: f64, before: bool) -> [(usize, f64); MOST_LAN
 }
 
 /// The inputs' pressures at `t`.
-#[inline(always)]
+#[inline]
 fn commands<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) {
     let places = places(drives, t, before);
     if let [drive] = drives {
@@ -272,7 +272,7 @@ fn commands<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) 
 }
 
 /// The inputs' forces at `t`.
-#[inline(always)]
+#[inline]
 fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T>]) {
     let places = places(drives, t, before);
     let single = drives.len() == 1;
@@ -327,7 +327,7 @@ impl<T: Real> System<T> for Plant<T> {
         }
     }
 
-    #[inline(always)]
+    #[inline]
     fn output(&mut self, t: f64, x: &[T]) {
         if let Some(chambers) = &mut self.chambers {
             let start = self.chamber_pressures.len();

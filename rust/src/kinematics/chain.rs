@@ -39,7 +39,7 @@ pub struct Link<T> {
 
 impl<T: Real> Link<T> {
     /// A body at rest at the base.
-    #[inline(always)]
+    #[inline]
     pub fn base() -> Self {
         let o = Vec3::zero();
         Self {
@@ -57,7 +57,7 @@ impl<T: Real> Link<T> {
     }
 
     /// Velocity of the centre of mass, m/s.
-    #[inline(always)]
+    #[inline]
     pub fn center_velocity(&self) -> Vec3<T> {
         self.velocity + self.angular_velocity.cross(self.center - self.position)
     }
@@ -75,7 +75,7 @@ pub enum Motion {
 }
 
 /// One step up the chain: the body above `below`.
-#[inline(always)]
+#[inline]
 pub fn step<T: Real>(
     below: &Link<T>,
     bent: &Bent<T>,
@@ -125,7 +125,7 @@ pub fn step<T: Real>(
 }
 
 /// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
-#[inline(always)]
+#[inline]
 pub fn pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mut [Link<T>]) {
     let mut below = Link::base();
     for (i, (section, link)) in arm.sections.iter().zip(links.iter_mut()).enumerate() {

@@ -27,14 +27,14 @@ impl<T: Real> Effect<T> for PressureOffset<T> {
         true
     }
 
-    #[inline(always)]
+    #[inline]
     fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += self.offset;
         }
     }
 
-    #[inline(always)]
+    #[inline]
     fn pressures_at_rest(&self, p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += self.offset;

@@ -1,0 +1,105 @@
+"""``bha diagnose``: where an arm and its model disagree, and what the model lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.table import Table
+
+from bha.arm import Arm
+from bha.cli.common import INTERRUPTED, arm_argument, console, json_option, print_json, progress_bar, reports_errors
+from bha.diagnose import diagnose as run
+from bha.diagnose.result import Diagnosis
+from bha.log import Log
+
+
+@click.command()
+@arm_argument
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--holdout", metavar="LOG", multiple=True, type=click.Path(path_type=Path),
+              help="A log that takes no part in any fit; may be repeated. "
+                   "The last third of the logs if left out.")  # fmt: skip
+@click.option("--out", metavar="DIR", required=True, type=click.Path(path_type=Path, file_okay=False),
+              help="Folder for diagnosis.json, arm_diagnosed.toml and report.html.")  # fmt: skip
+@click.option("--commanded", is_flag=True, help="Take the commanded pressures (pc..) as those that act.")
+@click.option("--no-report", is_flag=True, help="Write no report.html.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of all that is drawn at random.")
+@click.option("--threads", type=click.IntRange(min=1), help="Number of threads; all cores if left out.")
+@json_option
+@reports_errors
+def diagnose(
+    arm: Arm,
+    logs: tuple[Path, ...],
+    holdout: tuple[Path, ...],
+    out: Path,
+    commanded: bool,
+    no_report: bool,
+    seed: int,
+    threads: int | None,
+    as_json: bool,
+) -> None:
+    """Find where ARM (a parameter file or a shipped arm) and its LOGs disagree, and name what the model lacks.
+
+    After Ctrl-C what was found so far is written; the exit code is then 130.
+    """
+    ambient = arm.parameters.ambient_pressure
+    with progress_bar(hidden=as_json) as bar:
+        task = bar.add_task("reading", total=None)
+        read = [Log.read(path, ambient_pressure=ambient) for path in logs]
+        held = [Log.read(path, ambient_pressure=ambient) for path in holdout]
+
+        def tell(stage: str, share: float | None) -> None:
+            bar.update(task, description=stage, total=None if share is None else 1.0, completed=share or 0.0)
+
+        found = run(
+            arm,
+            read,
+            held,
+            out=out,
+            commanded=commanded,
+            report=not no_report,
+            seed=seed,
+            threads=threads,
+            progress=tell,
+        )
+    if as_json:
+        print_json(found.model_dump(mode="json", by_alias=True))
+    else:
+        _print(found, out)
+    if not found.complete:
+        raise SystemExit(INTERRUPTED)
+
+
+def _print(found: Diagnosis, out: Path) -> None:
+    text = console()
+    verdict = {
+        "named": "A missing effect is named",
+        "no_gap": "No significant gap",
+        "unknown": "A gap that no known effect explains",
+    }
+    text.print(f"[bold]{verdict[found.verdict]}[/bold]: {found.reason}", highlight=False)
+    if not found.complete:
+        text.print("Interrupted: the search is not complete.", highlight=False)
+    gap = found.gap
+    text.print(
+        f"open-loop error on {', '.join(gap.holdout)}: {1e3 * gap.before:.3g} mm before, "
+        f"{1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm",
+        highlight=False,
+        markup=False,
+    )
+    for effect in found.effects:
+        table = Table("Number", "Value", "95 % interval", "Unit", title=f"{effect.kind} at {effect.where}")
+        for name, number in effect.parameters.items():
+            interval = "" if number.ci95 is None else f"{number.ci95[0]:.4g} to {number.ci95[1]:.4g}"
+            table.add_row(name, f"{number.value:.4g}", interval, number.unit)
+        text.print(table)
+        text.print(
+            f"confidence {effect.confidence:.2f}" + (", empirical term" if effect.empirical else ""), highlight=False
+        )
+        if effect.confusable_with:
+            text.print("these data cannot tell it from: " + ", ".join(effect.confusable_with[:6]), highlight=False)
+    if found.candidates and found.verdict != "named":
+        best = ", ".join(f"{c.kind} at {c.where}" for c in found.candidates[:3])
+        text.print(f"nearest candidates: {best}", highlight=False)
+    text.print(f"Written to {out}", highlight=False, markup=False)

@@ -1,0 +1,265 @@
+"""The plain model first: integration step, initial states, noise of a right model, re-identified parameters.
+
+What: everything that has to be settled before a gap means anything. A wrong stiffness or an unknown initial state must
+never be taken for physics.
+Source: paper section IV for the plain parameters; issue of errors in variables: the pressure noise is part of the noise
+model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.interpolate import CubicSpline
+from scipy.signal import firwin
+
+from bha import _core, names
+from bha.diagnose.cache import Cache
+from bha.diagnose.engine import Engine, Job
+from bha.diagnose.fit import Fit, Problem, evaluate, improve, weighted, with_sensitivities
+from bha.diagnose.model import Model
+from bha.diagnose.noise import (
+    QUIET_FREQUENCY,
+    TOP_FREQUENCY,
+    NoiseModel,
+    SensorNoise,
+    Whitener,
+    frequencies,
+    noise_model,
+    sensor_noise,
+)
+from bha.diagnose.records import Record
+from bha.errors import ConvergenceError
+
+Array = NDArray[np.float64]
+
+#: Greatest share of the noise that the integration's error may have.
+STEP_ERROR_SHARE = 0.1
+#: The same for runs of which only differences are wanted.
+COARSE_ERROR_SHARE = 1.0
+#: Draws of pressure noise per log for the noise model.
+DRAWS = 3
+#: Time from the start of a log that gives the first guess of its initial state, s.
+START_TIME = 0.06
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Logs made ready for a given arm and step.
+
+    Attributes:
+        records: thinned logs.
+        full: the logs as they were.
+        states: first guess of the initial states.
+        step: step of the integration, s.
+        coarse: step where only differences between runs are wanted, s.
+        step_error: RMS difference to half the step, m.
+    """
+
+    records: tuple[Record, ...]
+    full: tuple[Record, ...]
+    states: tuple[Array, ...]
+    step: float
+    coarse: float
+    step_error: float
+
+
+def thin(record: Record, factor: int) -> Record:
+    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR)."""
+    if factor == 1:
+        return record
+    taps = firwin(12 * factor + 1, 0.72 / factor)
+    half = len(taps) // 2
+    rate = np.arange(half + 1, dtype=np.float64)
+    # The ends are continued by a straight line, so that the filter does not pull them in.
+    columns = []
+    for k in range(record.outputs.shape[1]):
+        y = record.outputs[:, k]
+        head, tail = np.polyfit(rate, y[: half + 1], 1), np.polyfit(rate, y[-half - 1 :], 1)
+        before = np.polyval(head, rate[1:][::-1] * -1.0)
+        after = np.polyval(tail, rate[1:] + half)
+        columns.append(np.convolve(np.concatenate([before, y, after]), taps, mode="valid"))
+    keep = slice(0, None, factor)
+    return replace(
+        record,
+        rows=record.rows[keep],
+        outputs=np.column_stack(columns)[keep],
+        good=record.good[keep],
+        noise_share=record.noise_share * float(np.sum(taps**2)),
+        thinning=record.thinning * factor,
+    )
+
+
+def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
+    """Initial state from the first measured lengths; at rest under the first pressures where not all were measured.
+
+    Raises:
+        ConvergenceError: no rest, and no lengths to start from.
+    """
+    wanted = [names.length_name(i, k) for i in range(1, sections + 1) for k in (1, 2, 3)]
+    if all(name in record.channels for name in wanted):
+        columns = [record.channels.index(name) for name in wanted]
+        time = record.output_time
+        count = max(6, int(np.searchsorted(time, time[0] + START_TIME)))
+        slope, start = np.polyfit(time[:count] - time[0], record.outputs[:count][:, columns], 1)
+        return np.concatenate([start, slope])
+    first = int(record.rows[0])
+    q = arm.static_lengths(record.pressures[first], None if record.forces is None else record.forces[first])
+    return np.concatenate([q, np.zeros(3 * sections)])
+
+
+def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float], Engine]) -> Prepared:
+    """Choose the coarsest step whose error stays below the noise, thin the logs accordingly, guess initial states.
+
+    The error of a step is the RMS difference to half of it on the first seconds of every log, measured, not assumed.
+
+    Raises:
+        ConvergenceError: the nominal arm diverges at every step tried.
+    """
+    text = model.arm(np.zeros(model.size))
+    arm = _core.Arm(text)
+    sample = min(r.sample_time for r in records)
+    # Rows may be thinned as long as the band that counts stays below their Nyquist frequency.
+    factor = max([1, *(f for f in (2, 3, 4) if f * sample <= 0.4 / TOP_FREQUENCY)])
+    thinned = tuple(thin(r, factor) for r in records)
+    states = tuple(first_state(arm, r, model.sections) for r in thinned)
+    jobs = [
+        Job(text, r, s, rows=min(len(r.rows), int(6.0 / r.sample_time))) for r, s in zip(thinned, states, strict=True)
+    ]
+    noise = float(np.median([np.median(r.noise) for r in records]))
+    steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
+    coarse: float | None = None
+    for step in steps:
+        fine, finer = engine(step).run(jobs), engine(step / 2.0).run(jobs)
+        error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(fine, finer, strict=True)])))
+        if np.isfinite(error) and error <= COARSE_ERROR_SHARE * noise:
+            coarse = coarse or step
+        if np.isfinite(error) and (error <= STEP_ERROR_SHARE * noise or step == steps[-1]):
+            return Prepared(thinned, tuple(records), states, step, coarse or step, error)
+    raise ConvergenceError(
+        "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
+        "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"
+    )
+
+
+def disturbed_outputs(
+    engine: Engine, arm: str, records: Sequence[Record], states: Sequence[Array], base: Sequence[Array], seed: int
+) -> list[list[Array]]:
+    """What draws of pressure noise do to the outputs of each log."""
+    rng = np.random.default_rng([seed, 71])
+    jobs = []
+    for record, state in zip(records, states, strict=True):
+        if not np.any(record.pressure_noise > 0.0):
+            continue
+        for _ in range(DRAWS):
+            noise = record.pressure_noise * rng.standard_normal(record.pressures.shape)
+            jobs.append(Job(arm, record, state, record.pressures + noise))
+    outputs = iter(engine.run(jobs))
+    result: list[list[Array]] = []
+    for record, y in zip(records, base, strict=True):
+        draws: list[Array] = []
+        if np.any(record.pressure_noise > 0.0):
+            draws = [np.nan_to_num(next(outputs) - y) for _ in range(DRAWS)]
+        result.append(draws)
+    return result
+
+
+def _add_to_bins(sums: Array, counts: Array, edges: Array, frequency: Array, power: Array) -> None:
+    place = np.searchsorted(edges, frequency) - 1
+    inside = (place >= 0) & (place < len(sums))
+    np.add.at(sums, place[inside], power[inside])
+    np.add.at(counts, place[inside], 1.0)
+
+
+def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence[Sequence[Array]]) -> list[SensorNoise]:
+    """Noise of each output, coloured where the spectrum above the arm's motion says so; alike for one kind of sensor.
+
+    The residual is taken at all rows of the logs, the simulation interpolated between its own: it is smooth.
+    """
+    records = prepared.full
+    white = np.sqrt(np.mean([r.noise**2 for r in records], axis=0))
+    result = [SensorNoise(float(v)) for v in white]
+    sample_time = float(np.median([r.sample_time for r in records]))
+    top = 0.47 / sample_time
+    if top < 2.0 * QUIET_FREQUENCY:
+        return result
+    channels = records[0].channels
+    edges = np.linspace(QUIET_FREQUENCY, top, 60)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    for group in (
+        [k for k, c in enumerate(channels) if c.startswith("q")],
+        [k for k, c in enumerate(channels) if not c.startswith("q")],
+    ):
+        if not group:
+            continue
+        sums, counts = np.zeros(len(centres)), np.zeros(len(centres))
+        for record, thinned, y in zip(records, prepared.records, outputs, strict=True):
+            smooth = CubicSpline(thinned.output_time, y[:, group])(record.output_time)
+            power = np.mean((dct(record.outputs[:, group] - smooth, axis=0, norm="ortho") / white[group]) ** 2, axis=1)
+            _add_to_bins(sums, counts, edges, frequencies(len(record.rows), sample_time), power)
+        known, draws = np.zeros(len(centres)), np.zeros(len(centres))
+        for thinned, changes in zip(prepared.records, disturbed, strict=True):
+            for change in changes:
+                # A coefficient of thinned rows holds less of the same spectrum.
+                power = (
+                    np.mean((dct(change[:, group], axis=0, norm="ortho") / white[group]) ** 2, axis=1)
+                    * thinned.thinning
+                )
+                _add_to_bins(known, draws, edges, frequencies(len(change), thinned.sample_time), power)
+        known /= np.maximum(draws, 1.0)
+        total = float(counts.sum()) * len(group)
+        found = sensor_noise(sums / np.maximum(counts, 1.0), total, centres, sample_time, 1.0, known)
+        for k in group:
+            result[k] = SensorNoise(float(white[k]) * found.deviation, found.share, found.time)
+    return result
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The re-identified plain model.
+
+    Attributes:
+        problem: the training logs with their final whitening.
+        noise: the noise model.
+        fit: the fit, with sensitivities.
+        prepared: step and thinned logs.
+    """
+
+    problem: Problem
+    noise: NoiseModel
+    fit: Fit
+    prepared: Prepared
+
+
+def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, cache: Cache | None = None) -> Baseline:
+    """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
+
+    Raises:
+        ConvergenceError: the nominal arm diverges under these logs.
+    """
+    cache = cache or Cache(None, "")
+    records = prepared.records
+    x, states = np.zeros(model.size), prepared.states
+    # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
+    rough = noise_model(records, [[] for _ in records])
+    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
+    known = cache.get("rough")
+    if known is None:
+        fit = improve(problem, evaluate(problem, model, x, states), iterations=8, tolerance=0.02, renewals=1)
+        cache.put("rough", x=fit.x, states=np.array(fit.states))
+    else:
+        fit = evaluate(problem, model, known["x"], list(known["states"]))
+    disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
+    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed))
+    problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
+    known = cache.get("plain")
+    if known is None:
+        fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=8, tolerance=2e-3, renewals=2)
+        cache.put("plain", x=fit.x, states=np.array(fit.states))
+    else:
+        fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)
+    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared)

@@ -1,0 +1,126 @@
+"""The verdict: no gap, a named effect, or a gap that no known effect explains. A wrong name is worse than the third.
+
+What: the gap on held-out logs against what a right model with uncertain parameters would leave, and what the search
+found against it.
+Source: the error of a right model is sqrt(noise^2 + J Cov J^T + pressure-noise term); the last and first are in the
+whitening, the middle one is added here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnose.fit import Fit, Problem, columns, evaluate, project_states
+from bha.diagnose.holdout import Holdout, Prediction
+from bha.diagnose.select import Search, excess
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Thresholds of the verdict; measured on tuning seeds, see docs/diagnosis.md.
+
+    Attributes:
+        deviations: standard deviations that the mean square has to lie above its expectation.
+        model: relative uncertainty of the noise model, on the mean square.
+        material: least gap, RMS over noise, that is worth a name.
+        closure: least share of the excess that the named effects must remove.
+        left: greatest error left over noise at which a closure below ``good_closure`` still counts as explained.
+        good_closure: closure from which on any error left is a matter of the effect's form.
+    """
+
+    deviations: float = 4.0
+    model: float = 0.06
+    material: float = 1.1
+    closure: float = 0.7
+    left: float = 2.5
+    good_closure: float = 0.9
+
+
+@dataclass(frozen=True)
+class GapTest:
+    """Whether the plain model's error on held-out logs is more than noise.
+
+    Attributes:
+        mean_square: of the white residual.
+        expected: under a right model with parameters as uncertain as the training logs leave them.
+        limit: greatest mean square that counts as no gap.
+        ratio: RMS error over that of a right model, in m.
+        significant: whether there is a gap.
+    """
+
+    mean_square: float
+    expected: float
+    limit: float
+    ratio: float
+    significant: bool
+
+
+def gap_test(
+    problem: Problem, holdout: Holdout, fit: Fit, prediction: Prediction, ratio: float, limits: Limits
+) -> GapTest:
+    """Test the gap of the plain model ``fit`` on the held-out logs; ``ratio`` is its RMS error over the noise's."""
+    held = holdout.problem
+    assert fit.jacobian is not None
+    assert fit.state_jacobians is not None
+    weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
+    projected = project_states(problem, fit.state_jacobians, fit.jacobian)
+    covariance = np.linalg.inv(projected.T @ projected + np.diag(weights))
+    here = evaluate(held, fit.model, fit.x, prediction.states)
+    spread = columns(held, here, range(fit.model.size))
+    parameters = float(np.sum((spread @ covariance) * spread)) / held.rows
+    deviation = float(np.sqrt(2.0 / held.rows))
+    expected = 1.0 + parameters
+    limit = expected * (1.0 + limits.model) + limits.deviations * deviation
+    significant = prediction.mean_square > limit and ratio > limits.material
+    return GapTest(prediction.mean_square, expected, limit, ratio, significant)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Verdict and reason.
+
+    Attributes:
+        verdict: ``named``, ``no_gap`` or ``unknown``.
+        reason: in a sentence.
+        closure: share of the excess on held-out logs that the effects remove.
+    """
+
+    verdict: str
+    reason: str
+    closure: float
+
+
+def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict:
+    """The verdict on a finished or interrupted search; ``left`` is the best set's RMS error over the noise's."""
+    before, after = excess(search.plain.prediction), excess(search.best.prediction)
+    closure = 1.0 - after / before if before > 0.0 else 0.0
+    if not gap.significant:
+        return Verdict(
+            "no_gap",
+            f"on the held-out logs the re-identified plain model errs by {gap.ratio:.2f} times what noise alone makes; "
+            f"mean square of the white residual {gap.mean_square:.2f}, limit {gap.limit:.2f}",
+            closure,
+        )
+    if not search.best.candidates:
+        return Verdict(
+            "unknown", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
+        )
+    if closure < limits.closure:
+        return Verdict(
+            "unknown",
+            f"the best known effects remove {100 * closure:.0f} % of the excess error on held-out logs only",
+            closure,
+        )
+    if closure < limits.good_closure and left > limits.left:
+        return Verdict(
+            "unknown",
+            f"the best known effects leave an error of {left:.1f} times the noise "
+            f"({100 * closure:.0f} % of the excess removed)",
+            closure,
+        )
+    return Verdict("named", f"{100 * closure:.0f} % of the excess error on held-out logs is removed", closure)

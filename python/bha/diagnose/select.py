@@ -1,0 +1,264 @@
+"""Which effects: forward by training score, swaps among look-alikes, backward by prediction of held-out blocks.
+
+What: the search over sets of effects. A held-out gate at each forward step would refuse a true first effect while
+others are still missing, so the gates come last.
+Source: rules as measured on simulated arms (docs/diagnosis.md); Wilcoxon 1945, Schwarz 1978.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnose.catalogue import Ranges
+from bha.diagnose.fit import Fit, Problem, improve, with_sensitivities
+from bha.diagnose.holdout import Holdout, Prediction, better
+from bha.diagnose.refit import Trial, bic, correlation_length, refit, store, stored, without
+from bha.diagnose.screen import Scored, Screening, Signatures, score
+
+Array = NDArray[np.float64]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Thresholds of the search; measured on tuning seeds, see docs/diagnosis.md.
+
+    Attributes:
+        most: most effects.
+        tried: candidates that are refitted in the first round, and in later ones.
+        per_kind: candidates of one kind among them.
+        forward: drop of the criterion that lets an effect in.
+        swap: drop of the criterion that swaps an effect for a look-alike.
+        backward: drop of the criterion that keeps it.
+        rank: greatest p-value of the paired rank test on held-out blocks that keeps it.
+        share: least share of the excess error on held-out blocks that it has to remove.
+    """
+
+    most: int = 5
+    tried: tuple[int, int] = (6, 4)
+    per_kind: int = 2
+    forward: float = 10.0
+    swap: float = 4.0
+    backward: float = 10.0
+    rank: float = 0.02
+    share: float = 0.025
+
+
+@dataclass
+class Search:
+    """What the search has found so far; filled as it goes on, so that an interrupted one leaves it.
+
+    Attributes:
+        plain: the plain model.
+        best: the best set so far.
+        screening: the screening of the plain residual.
+        trials: all refitted sets.
+        rivals: for every round its trials with one more effect than before, best first.
+        notes: what was decided and why.
+        complete: whether the search came to its end.
+    """
+
+    plain: Trial
+    best: Trial
+    screening: Screening | None = None
+    trials: list[Trial] = field(default_factory=list)
+    rivals: list[list[Trial]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    complete: bool = False
+
+
+def promising(
+    ranking: Sequence[Scored], taken: Sequence[tuple[str, str]], count: int, per_kind: int, effective: float
+) -> list[Scored]:
+    """The best candidates by penalised score: one shape a place, few places a kind."""
+
+    def value(scored: Scored) -> float:
+        return -effective * float(np.log(max(1e-9, 1.0 - scored.share))) - scored.candidate.plan.size * float(
+            np.log(effective)
+        )
+
+    chosen: list[Scored] = []
+    kinds: dict[str, int] = {}
+    for scored in sorted(ranking, key=value, reverse=True):
+        key = scored.candidate.key
+        if key in taken or any(key == c.candidate.key for c in chosen) or value(scored) <= 0.0:
+            continue
+        if kinds.get(key[0], 0) >= per_kind:
+            continue
+        kinds[key[0]] = kinds.get(key[0], 0) + 1
+        chosen.append(scored)
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def search(
+    problem: Problem,
+    holdout: Holdout,
+    plain: Fit,
+    signatures: Signatures,
+    ranges: Ranges,
+    rules: Rules,
+    say: Say,
+    state: Search | None = None,
+) -> Search:
+    """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete."""
+    if state is None:
+        first = Trial((), plain, holdout.predict(plain.model, plain.x))
+        state = Search(first, first)
+    try:
+        _forward(problem, holdout, signatures, ranges, rules, say, state)
+        _swap(problem, holdout, signatures, ranges, rules, say, state)
+        _backward(problem, holdout, rules, say, state)
+        state.complete = True
+    except KeyboardInterrupt:
+        state.notes.append("interrupted: the search is not complete")
+    return state
+
+
+def _forward(
+    problem: Problem, holdout: Holdout, signatures: Signatures, ranges: Ranges, rules: Rules, say: Say, state: Search
+) -> None:
+    for number in range(rules.most):
+        current = state.best
+        screening = score(problem, current.fit, signatures)
+        ranking = screening.ranking
+        if state.screening is None:
+            state.screening = screening
+        correlation = correlation_length(problem, current.fit.residual)
+        count = rules.tried[0] if number == 0 else rules.tried[1]
+        taken = [c.key for c in current.candidates]
+        chosen = promising(ranking, taken, count, rules.per_kind, problem.rows / correlation)
+        trials: list[Trial] = []
+        for k, scored in enumerate(chosen):
+            say(
+                f"effect {number + 1}: refitting {scored.candidate.kind} at {scored.candidate.where} "
+                f"({k + 1} of {len(chosen)})"
+            )
+            trial = refit(
+                problem,
+                holdout,
+                current.fit,
+                [*current.candidates, scored.candidate],
+                [scored.strengths],
+                ranges,
+                kept=len(current.candidates),
+            )
+            if trial is not None:
+                trials.append(trial)
+                state.trials.append(trial)
+        if not trials:
+            return
+        trials = _sorted(trials, problem)
+        # The winner and its nearest rivals once more, with sensitivities of their own: the others' are those of the
+        # smaller model.
+        for k in range(min(2, len(trials))):
+            say(f"effect {number + 1}: refining {_names(trials[k])}")
+            finer = _refined(problem, holdout, trials[k])
+            state.trials.append(finer)
+            trials[k] = finer
+        trials = _sorted(trials, problem)
+        state.rivals.append(trials)
+        correlation = correlation_length(problem, trials[0].fit.residual)
+        gain = bic(current, problem, correlation) - bic(trials[0], problem, correlation)
+        if gain < rules.forward:
+            state.notes.append(f"{_names(trials[0])} lowers the criterion by {gain:.1f} only: not taken in")
+            return
+        state.best = trials[0]
+        state.notes.append(f"taken in: {trials[0].key[-1][0]} at {trials[0].key[-1][1]}, criterion lower by {gain:.1f}")
+        if trials[0].fit.squares / problem.rows < 1.02 and number + 1 < rules.most:
+            state.notes.append("what is left is noise: no further effect is sought")
+            return
+
+
+def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
+    correlation = correlation_length(problem, min(trials, key=lambda t: t.fit.squares).fit.residual)
+    return sorted(trials, key=lambda t: bic(t, problem, correlation))
+
+
+def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
+    name = f"refined {[(c.key, sorted(c.shape.items())) for c in trial.candidates]}"
+    known = stored(problem, trial.fit, name)
+    fit = with_sensitivities(problem, known or trial.fit)
+    if known is None:
+        renew = list(range(len(fit.model.plain), fit.model.size))
+        fit = improve(problem, fit, iterations=6, renew=renew, renewals=1, tolerance=1e-3)
+        store(problem, fit, name)
+    return Trial(trial.candidates, fit, holdout.predict(fit.model, fit.x))
+
+
+def _names(trial: Trial) -> str:
+    return " and ".join(f"{kind} at {where}" for kind, where in trial.key)
+
+
+def excess(prediction: Prediction) -> float:
+    """Mean square of the white residual above that of noise."""
+    return max(0.0, prediction.mean_square - 1.0)
+
+
+def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state: Search) -> None:
+    """Drop what the held-out logs do not need, the least needed first."""
+    while state.best.candidates:
+        current = state.best
+        correlation = correlation_length(problem, current.fit.residual)
+        before = excess(state.plain.prediction)
+        weakest: tuple[float, Trial, str] | None = None
+        for k in range(len(current.candidates)):
+            say(f"pruning: without {current.key[k][0]} at {current.key[k][1]}")
+            smaller = state.plain if len(current.candidates) == 1 else without(problem, holdout, current, k)
+            if smaller is None:
+                continue
+            gain = bic(smaller, problem, correlation) - bic(current, problem, correlation)
+            p_value = better(smaller.prediction, current.prediction)
+            share = (excess(smaller.prediction) - excess(current.prediction)) / max(before, 1e-9)
+            fails = [
+                text
+                for failed, text in (
+                    (gain < rules.backward, f"criterion {gain:.1f}"),
+                    (p_value > rules.rank, f"held-out rank test p = {p_value:.3f}"),
+                    (share < rules.share, f"removes {100 * share:.1f} % of the excess"),
+                )
+                if failed
+            ]
+            if fails and (weakest is None or share < weakest[0]):
+                weakest = (share, smaller, f"dropped: {current.key[k][0]} at {current.key[k][1]} ({', '.join(fails)})")
+        if weakest is None:
+            return
+        state.best = weakest[1]
+        state.notes.append(weakest[2])
+
+
+def _swap(
+    problem: Problem, holdout: Holdout, signatures: Signatures, ranges: Ranges, rules: Rules, say: Say, state: Search
+) -> None:
+    """Exchange effects of a set of several for look-alikes where that lowers the criterion."""
+    for k in range(len(state.best.candidates)):
+        if len(state.best.candidates) < 2:
+            return
+        current = state.best
+        say(f"look-alikes of {current.key[k][0]} at {current.key[k][1]}")
+        smaller = without(problem, holdout, current, k)
+        if smaller is None:
+            continue
+        ranking = score(problem, smaller.fit, signatures).ranking
+        correlation = correlation_length(problem, current.fit.residual)
+        for scored in promising(ranking, current.key, 2, 1, problem.rows / correlation):
+            trial = refit(
+                problem,
+                holdout,
+                smaller.fit,
+                [*smaller.candidates, scored.candidate],
+                [scored.strengths],
+                ranges,
+                kept=len(smaller.candidates),
+            )
+            if trial is None:
+                continue
+            state.trials.append(trial)
+            if bic(current, problem, correlation) - bic(trial, problem, correlation) > rules.swap:
+                state.notes.append(f"{_names(trial)} in place of {_names(current)}")
+                state.best = current = trial

@@ -1,0 +1,380 @@
+"""The workflow from logs to a verdict: prepare, re-identify, screen, refit, decide, describe."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnose import catalogue, excitation
+from bha.diagnose.baseline import Baseline, Prepared, first_state, fit_baseline, prepare_runs, thin
+from bha.diagnose.cache import Cache, key_of
+from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
+from bha.diagnose.engine import Engine, Job
+from bha.diagnose.fit import Problem, with_sensitivities
+from bha.diagnose.holdout import Holdout
+from bha.diagnose.intervals import confidences, coordinate_draws, intervals
+from bha.diagnose.model import EffectTerm, Model, plain_model
+from bha.diagnose.noise import Whitener
+from bha.diagnose.records import Record, prepare, split
+from bha.diagnose.refit import Trial, bic, correlation_length
+from bha.diagnose.residual import describe_residual
+from bha.diagnose.result import CandidateLine, Diagnosis, Effect, Gap, Number, plain
+from bha.diagnose.screen import Signatures, probe, score
+from bha.diagnose.select import Rules, Search, search
+from bha.diagnose.where import locate
+from bha.errors import InputError
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.log import Log
+
+Array = NDArray[np.float64]
+#: Called with what is being done and the share of the stage that is done, or None where that is not known.
+Progress = Callable[[str, float | None], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A diagnosis with what the report and the new parameter file need.
+
+    Attributes:
+        diagnosis: the result.
+        model: the last model, the plain one unless effects were named.
+        x: its coordinates.
+        plain: the re-identified plain model on the held-out logs.
+        best: the best set of effects on the held-out logs, named or not.
+        holdout: the held-out logs.
+        baseline: the plain fit.
+        uncertainty: 95 % interval of every coordinate of ``model``.
+    """
+
+    diagnosis: Diagnosis
+    model: Model
+    x: Array
+    plain: Trial
+    best: Trial
+    holdout: Holdout
+    baseline: Baseline
+    uncertainty: list[tuple[float, float]]
+
+
+def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one call)
+    arm: Arm,
+    logs: Sequence[Log],
+    holdout_logs: Sequence[Log] = (),
+    *,
+    commanded: bool = False,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    cache_folder: Path | None = None,
+    kinds: Sequence[str] | None = None,
+    rules: Rules | None = None,
+    limits: Limits | None = None,
+) -> Outcome:
+    """Diagnose ``arm`` on ``logs``; see :func:`bha.diagnose`."""
+    begin = time.monotonic()
+    rules, limits = rules or Rules(), limits or Limits()
+
+    def say(text: str, share: float | None = None) -> None:
+        if progress is not None:
+            progress(text, share)
+
+    say("preparing the logs")
+    train, held = _records(arm, logs, holdout_logs, commanded)
+    model = plain_model(arm)
+    say("choosing the integration step")
+    prepared = prepare_runs(model, train, lambda step: Engine(step, threads))
+    engine = Engine(prepared.step, threads, prepared.coarse)
+    say("re-identifying the plain model")
+    options = (commanded, seed, rules, prepared.step, kinds)
+    cache = Cache(cache_folder, key_of(json.dumps(model.core), [*train, *held], options))
+    baseline = fit_baseline(model, prepared, engine, seed, cache)
+    problem, plain_fit = baseline.problem, baseline.fit
+    holdout = _holdout(baseline, prepared, held, engine)
+    prediction = holdout.predict(plain_fit.model, plain_fit.x)
+    first = Trial((), plain_fit, prediction)
+    state = Search(first, first)
+    noise_rms = _noise_rms(baseline)
+    say("testing the gap")
+    before = open_loop_error(held, engine, first)
+    gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits)
+    say("locating the error")
+    radius = [float(s["bellows_radius"]) for s in model.core["section"]]
+    where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
+    ranges = catalogue.core_ranges()
+    heads, lengths = _measured(train)
+    plans = [p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
+    signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
+    try:
+        signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)
+        if gap.significant:
+            search(problem, holdout, plain_fit, signatures, ranges, rules, say, state)
+        else:
+            state.screening = score(problem, plain_fit, signatures)
+            state.complete = True
+    except KeyboardInterrupt:
+        state.notes.append("interrupted during the screening")
+    after = open_loop_error(held, engine, state.best) if state.best.candidates else before
+    verdict = decide(state, gap, after / noise_rms, limits)
+    errors = (before, after if verdict.verdict == "named" else before)
+    say("intervals and report")
+    final = state.best if verdict.verdict == "named" else state.plain
+    fit = final.fit if final is state.plain else with_sensitivities(problem, final.fit)
+    uncertainty = intervals(problem, fit, seed)
+    diagnosis = _describe(
+        baseline,
+        holdout,
+        state,
+        signatures,
+        gap,
+        verdict,
+        where,
+        replace(final, fit=fit),
+        uncertainty,
+        (noise_rms, *errors),
+        seed,
+        (train, held),
+    )
+    if state.complete:
+        cache.clear()
+    diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
+    return Outcome(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
+
+
+def _records(
+    arm: Arm, logs: Sequence[Log], holdout_logs: Sequence[Log], commanded: bool
+) -> tuple[list[Record], list[Record]]:
+    if not logs:
+        raise InputError("logs: none; at least one is needed")
+    train = [prepare(arm, log, commanded=commanded) for log in logs]
+    held = [prepare(arm, log, commanded=commanded) for log in holdout_logs]
+    for record in [*train, *held]:
+        if record.channels != train[0].channels:
+            raise InputError(
+                f"{record.name}: measures {', '.join(record.channels)}; "
+                f"{train[0].name} measures {', '.join(train[0].channels)}; "
+                "the logs of one diagnosis need the same outputs"
+            )
+    return (train, held) if held else split(train)
+
+
+def _measured(records: Sequence[Record]) -> tuple[bool, bool]:
+    """Whether head positions and whether lengths were measured."""
+    lengths = [c.startswith("q") for c in records[0].channels]
+    return not all(lengths), any(lengths)
+
+
+def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], engine: Engine) -> Holdout:
+    from bha import _core  # noqa: PLC0415
+
+    factor = max(1, round(prepared.records[0].sample_time / min(r.sample_time for r in held)))
+    records = tuple(thin(r, factor) for r in held)
+    text = baseline.fit.model.arm(baseline.fit.x)
+    arm = _core.Arm(text)
+    states = [first_state(arm, r, baseline.fit.model.sections) for r in records]
+    return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states)
+
+
+def _noise_rms(baseline: Baseline) -> float:
+    """Open-loop RMS error of a right model on all rows of a log, m: sensor noise and what pressure noise does."""
+    return float(np.sqrt(np.mean(baseline.noise.floor**2)))
+
+
+def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial) -> float:
+    """Open-loop RMS error on all rows of the held-out logs, m; from the initial states of the trial's prediction."""
+    arm = trial.fit.model.arm(trial.fit.x)
+    outputs = engine.run([Job(arm, r, s) for r, s in zip(records, trial.prediction.states, strict=True)])
+    squares, count = 0.0, 0
+    for record, y in zip(records, outputs, strict=True):
+        error = (record.outputs - y)[record.good]
+        squares += float(np.sum(error**2)) if np.all(np.isfinite(error)) else np.inf
+        count += error.size
+    return min(float(np.sqrt(squares / max(count, 1))), 1e6)
+
+
+def _describe(
+    baseline: Baseline,
+    holdout: Holdout,
+    state: Search,
+    signatures: Signatures,
+    gap: GapTest,
+    verdict: Verdict,
+    where: dict[str, Any],
+    final: Trial,
+    uncertainty: Sequence[tuple[float, float]],
+    errors: tuple[float, float, float],
+    seed: int,
+    records: tuple[Sequence[Record], Sequence[Record]],
+) -> Diagnosis:
+    problem = baseline.problem
+    named = final.candidates if verdict.verdict == "named" else ()
+    best = excitation.best_by_key(state.screening, signatures) if state.screening is not None else {}
+    correlation = correlation_length(problem, final.fit.residual)
+    lines = _candidates(state, best, problem, correlation)
+    weak = excitation.weakest(best, np.sqrt(correlation))
+    effects = _effects(state, signatures, best, final, uncertainty, problem, correlation, seed) if named else []
+    confused = [e.kind for e in effects if e.confusable_with]
+    confused += [c.partition(" at ")[0] for e in effects for c in e.confusable_with]
+    groups = excitation.classes(state.screening, signatures, best) if state.screening is not None else []
+    values = {
+        c.name: Number(value=c.value(float(v)), unit=c.unit, ci95=uncertainty[k], at_bound=c.at_bound(float(v)))
+        for k, (c, v) in enumerate(zip(final.fit.model.plain, final.fit.x, strict=False))
+    }
+    train, held = records
+    return Diagnosis.model_validate(
+        {
+            "schema": "bha-diagnosis/1",
+            "verdict": verdict.verdict,
+            "reason": verdict.reason,
+            "effects": effects,
+            "gap": Gap(
+                noise=errors[0],
+                before=errors[1],
+                after=errors[2],
+                holdout=[r.name for r in held],
+                significant=gap.significant,
+                excess=max(0.0, min(gap.mean_square - gap.expected, 1e12)),
+                excess_limit=gap.limit - gap.expected,
+            ),
+            "where": where,
+            "candidates": lines,
+            "residual": plain(describe_residual(holdout, state.best, state.plain, seed) | {"notes": state.notes}),
+            "excitation": plain(
+                {
+                    "classes": groups[:20],
+                    "least_visible": [{"kind": k, "detectable_over_typical": r} for k, r in weak[:10]],
+                    "next_experiment": excitation.next_experiment(confused, weak),
+                }
+            ),
+            "plain": values,
+            "logs": [plain(_log_facts(r, "training")) for r in train]
+            + [plain(_log_facts(r, "held out")) for r in held],
+        }
+    )
+
+
+def _log_facts(record: Record, part: str) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        "part": part,
+        "rows": len(record.time),
+        "duration": float(record.time[-1] - record.time[0]),
+        "channels": [vars(f) | {"frozen": list(f.frozen)} for f in (*record.facts, *record.pressure_facts)],
+    }
+
+
+def _candidates(
+    state: Search, best: dict[tuple[str, str], excitation.Best], problem: Problem, correlation: float
+) -> list[CandidateLine]:
+    """All kinds and places by score, with what a refit of them alone gave."""
+    reference = bic(state.plain, problem, correlation)
+    refitted: dict[tuple[str, str], Trial] = {}
+    for trial in state.trials:
+        if len(trial.candidates) == 1:
+            refitted[trial.key[0]] = trial
+    criteria = {key: bic(trial, problem, correlation) - reference for key, trial in refitted.items()}
+    least = min(criteria.values(), default=0.0)
+    lines = []
+    for key, entry in best.items():
+        strengths = entry.scored.candidate.plan.strengths
+        detectable = 3.0 * entry.scored.deviation * np.sqrt(correlation)
+        alone = refitted.get(key)
+        rms = alone.prediction.rms if alone is not None else None
+        lines.append(
+            CandidateLine(
+                kind=key[0],
+                where=key[1],
+                score=entry.scored.share,
+                holdout=rms if rms is not None and np.isfinite(rms) else None,
+                bic=criteria.get(key),
+                distance=criteria[key] - least if key in criteria else None,
+                detectable=float(detectable) if strengths and np.isfinite(detectable) else None,
+                unit=catalogue.core_ranges()(key[0], strengths[0].name)[0] if strengths else "",
+            )
+        )
+    return sorted(lines, key=lambda c: (c.bic if c.bic is not None else 0.0, -c.score))
+
+
+def _effects(
+    state: Search,
+    signatures: Signatures,
+    best: dict[tuple[str, str], excitation.Best],
+    final: Trial,
+    uncertainty: Sequence[tuple[float, float]],
+    problem: Problem,
+    correlation: float,
+    seed: int,
+) -> list[Effect]:
+    result = []
+    at = len(final.fit.model.plain)
+    draws = coordinate_draws(problem, final.fit, seed)
+    for number, candidate in enumerate(final.candidates):
+        term = final.fit.model.effects[number]
+        x = final.fit.x[at : at + len(term.coordinates)]
+        bounds = {str(c.path[-1]): c.at_bound(float(v)) for c, v in zip(term.coordinates, x, strict=True)}
+        spans = {str(c.path[-1]): uncertainty[at + k] for k, c in enumerate(term.coordinates)}
+        parameters = _numbers(term, x, draws[:, at : at + len(term.coordinates)], bounds)
+        empirical = any(bounds.values()) or any(
+            spans[name][1] < 0.0 for name in candidate.plan.passive if name in spans
+        )
+        at += len(term.coordinates)
+        rivals = _rivals(state, final, number, problem, correlation)
+        alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
+        if state.screening is not None:
+            found = excitation.look_alikes(state.screening, signatures, best, candidate.key, 0.98)
+            refitted = {t.key[number] for t, _ in rivals}
+            alike += [f"{kind} at {where}" for kind, where, _ in found[:5] if (kind, where) not in refitted]
+        shares = confidences(problem, [final, *(t for t, _ in rivals[:5])], seed) if rivals else np.ones(1)
+        kinds = [candidate.kind, *dict.fromkeys(a.partition(" at ")[0] for a in alike)]
+        result.append(
+            Effect(
+                kind=candidate.kind,
+                where=candidate.where,
+                parameters=parameters,
+                confidence=float(shares[0]),
+                confusable_with=list(dict.fromkeys(alike)),
+                empirical=empirical,
+                experiment=excitation.next_experiment(kinds, []) if alike else "",
+            )
+        )
+    return result
+
+
+def _numbers(term: EffectTerm, x: Array, draws: Array, bounds: Mapping[str, bool]) -> dict[str, Number]:
+    """The numbers of the parameter file with their intervals, whatever coordinates they were fitted in."""
+    ranges = catalogue.core_ranges()
+    values = term.parameters([float(v) for v in x])
+    repeats = [term.parameters([float(v) for v in x + d]) for d in draws]
+    result = {}
+    for name, value in values.items():
+        found = np.array([r[name] for r in repeats])
+        interval = None
+        if name not in term.fixed and np.any(found != found[0]):
+            low, high = np.quantile(found, [0.025, 0.975])
+            interval = (float(low), float(high))
+        result[name] = Number(
+            value=value, unit=ranges(term.kind, name)[0], ci95=interval, at_bound=bounds.get(name, False)
+        )
+    return result
+
+
+def _rivals(
+    state: Search, final: Trial, number: int, problem: Problem, correlation: float
+) -> list[tuple[Trial, float]]:
+    """Trials that differ from the final one in one effect only, with the distance of their criterion."""
+    mine = bic(final, problem, correlation)
+    found: dict[tuple[tuple[str, str], ...], tuple[Trial, float]] = {}
+    for trial in state.trials:
+        if len(trial.key) == len(final.key) and trial.key != final.key:
+            different = [k for k in range(len(final.key)) if trial.key[k] != final.key[k]]
+            if different == [number]:
+                found[trial.key] = (trial, bic(trial, problem, correlation) - mine)
+    return sorted(found.values(), key=lambda f: f[1])

@@ -1,0 +1,84 @@
+"""The workflow on small synthetic logs: one section, a few seconds, some kinds of effects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bha
+from bha.diagnose import workflow
+from bha.errors import InputError
+
+from .synthetic import make_logs, one_section
+
+KINDS = ("creep", "weak_bellows", "quadratic_damping", "pressure_offset")
+DURATIONS = (4.0, 4.0, 4.0)
+PRODUCT = one_section({"mass": 0.93, "stiffness": 1.1, "rest_length": 0.9, "damping": 1.12, "bending_stiffness": 1.1})
+
+
+def test_a_hidden_effect_is_named_with_its_place_and_numbers(tmp_path: Path) -> None:
+    hidden = {"kind": "creep", "where": "bellows 12", "parameters": {"stiffness": 150.0, "tau": 0.6}}
+    logs = make_logs(one_section(), [hidden], seed=3, durations=DURATIONS)
+    found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=KINDS, out=tmp_path, report=False)
+    assert found.verdict == "named"
+    assert [(e.kind, e.where) for e in found.effects] == [("creep", "bellows 12")]
+    numbers = found.effects[0].parameters
+    assert numbers["stiffness"].value == pytest.approx(150.0, rel=0.05)
+    assert numbers["tau"].value == pytest.approx(0.6, rel=0.05)
+    assert found.gap.before > 3.0 * found.gap.noise
+    assert found.gap.after < 1.15 * found.gap.noise
+    # What was identified is in the new parameter file, and the file simulates as the diagnosis does.
+    arm = bha.Arm.load(tmp_path / "arm_diagnosed.toml")
+    effect = arm.parameters.effects[0]
+    assert effect.parameters["tau"] == pytest.approx(numbers["tau"].value, rel=1e-12)
+    assert effect.provenance["tau"].status == "identified"
+    assert arm.parameters.sections[0].mass == pytest.approx(found.plain["section 1 mass"].value, rel=1e-12)
+    assert not (tmp_path / ".cache").exists()
+
+
+def test_an_arm_that_is_only_badly_calibrated_has_no_gap() -> None:
+    logs = make_logs(one_section(), [], seed=5, durations=DURATIONS)
+    found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=KINDS)
+    assert found.verdict == "no_gap"
+    assert found.effects == []
+    assert found.gap.after == found.gap.before
+    assert found.plain["section 1 rest_length"].value == pytest.approx(0.15, rel=0.005)
+    assert found.gap.noise == pytest.approx(np.hypot(2e-4, 1.4e-4), rel=0.2)
+
+
+def test_a_gap_outside_the_catalogue_is_not_named() -> None:
+    # The true effect is a pressure lag on one input; none of the candidates is one.
+    hidden = {"kind": "pressure_lag", "where": "input p12", "parameters": {"fill": 0.15, "vent": 0.3}}
+    logs = make_logs(one_section(), [hidden], seed=6, durations=DURATIONS)
+    found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=("weak_bellows", "pressure_offset"))
+    assert found.verdict == "unknown"
+    assert found.effects == []
+
+
+def test_the_same_seed_gives_the_same_diagnosis_whatever_the_threads() -> None:
+    logs = make_logs(one_section(), [], seed=5, durations=(2.0, 2.0))
+    first, second = (bha.diagnose(PRODUCT, logs[:1], logs[1:], kinds=("quadratic_damping",), threads=n) for n in (1, 2))
+    assert first.model_copy(update={"seconds": 0.0}) == second.model_copy(update={"seconds": 0.0})
+
+
+def test_an_interrupted_search_leaves_what_it_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    hidden = {"kind": "weak_bellows", "where": "bellows 11", "parameters": {"change": -0.1}}
+    logs = make_logs(one_section(), [hidden], seed=7, durations=(3.0, 3.0))
+
+    def interrupt(stage: str, share: float | None) -> None:
+        if stage.startswith("pruning"):
+            raise KeyboardInterrupt
+
+    outcome = workflow.run(PRODUCT, logs[:1], logs[1:], kinds=("weak_bellows",), progress=interrupt)
+    assert not outcome.diagnosis.complete
+    assert outcome.best.key == (("weak_bellows", "bellows 11"),)
+
+
+def test_wrong_arguments_are_input_errors() -> None:
+    logs = make_logs(one_section(), [], durations=(1.0,))
+    with pytest.raises(InputError, match="at least one"):
+        bha.diagnose(PRODUCT, [])
+    with pytest.raises(InputError, match="no candidate"):
+        bha.diagnose(PRODUCT, logs, kinds=("gremlin",))
