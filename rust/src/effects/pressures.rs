@@ -72,7 +72,7 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// What comes in at `t`, with its delays, into the first row of `next`.
-    #[inline]
+    #[inline(always)]
     fn read(&mut self, input: &impl Upstream<T>, t: f64) {
         // Within a step the limit from inside belongs to it where a channel jumps at its ends.
         input.read(t, t >= self.end, &mut self.cursor, &mut self.next[..self.inputs]);
@@ -86,7 +86,7 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// A step from `t0` to `t1` begins, or begins again.
-    #[inline]
+    #[inline(always)]
     pub fn begin_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t0: f64, t1: f64) {
         (self.start, self.time, self.end) = (t0, t0, t1);
         // What comes in may have jumped.
@@ -98,21 +98,21 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// The step was accepted.
-    #[inline]
+    #[inline(always)]
     pub fn end_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t1: f64) {
         self.go(arm, input, t1);
         self.start_values.copy_from_slice(&self.values);
     }
 
     /// The pressures that act at `t`, within the step begun last, into `out`.
-    #[inline]
+    #[inline(always)]
     pub fn acting(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64, out: &mut [T]) {
         self.go(arm, input, t);
         out.copy_from_slice(&self.values[self.values.len() - self.inputs..]);
     }
 
     /// To `t`, from sample to sample.
-    #[inline]
+    #[inline(always)]
     fn go(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64) {
         if t < self.time {
             let (start, end) = (self.start, self.end);
@@ -131,7 +131,7 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// All stages over `elapsed` seconds; what comes in ends at the first row of `next`.
-    #[inline]
+    #[inline(always)]
     fn pass(&mut self, arm: &Arm<T>, elapsed: f64) {
         let n = self.inputs;
         for (k, &stage) in self.stages.iter().enumerate() {

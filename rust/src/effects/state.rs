@@ -78,7 +78,7 @@ impl<T: Real> EffectState<T> {
     }
 
     /// A step begins at `t0` with lengths and rates `x0`.
-    #[inline]
+    #[inline(always)]
     pub fn begin_step(&mut self, arm: &Arm<T>, t0: f64, x0: &[T]) {
         self.start = Some(t0);
         if self.hidden.is_empty() {
@@ -91,7 +91,7 @@ impl<T: Real> EffectState<T> {
     }
 
     /// The step was accepted: takes the hidden states to (`t1`, `x1`).
-    #[inline]
+    #[inline(always)]
     pub fn end_step(&mut self, arm: &Arm<T>, t1: f64, x1: &[T]) {
         self.time = t1;
         if self.hidden.is_empty() {
@@ -107,7 +107,7 @@ impl<T: Real> EffectState<T> {
     }
 
     /// Lengths and rates of all bellows from the state.
-    #[inline]
+    #[inline(always)]
     fn read(&mut self, arm: &Arm<T>, x: &[T]) {
         let n = x.len() / 2;
         let mut all = self.bellows.iter_mut();
@@ -123,14 +123,14 @@ impl<T: Real> EffectState<T> {
 }
 
 /// (u, v, l), or their rates, from three entries of the state.
-#[inline]
+#[inline(always)]
 fn three<T: Real>(x: &[T], k: usize, inverse_radius: T) -> Vec3<T> {
     arc_from_lengths(Vec3([x[k], x[k + 1], x[k + 2]]), inverse_radius)
 }
 
 /// Adds the forces of all effects of the wanted sort (`actuation`: those that belong to tau) to `loads` and to the bellows'
 /// extra forces.
-#[inline]
+#[inline(always)]
 pub(crate) fn add_forces<T: Real>(
     arm: &Arm<T>,
     (actuation, passive): (bool, bool),

@@ -17,6 +17,9 @@ use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Work that is compiled once for each scalar it runs on, by [`Real::enter`].
+///
+/// A stage of the model is a kernel of its own (a pass up the chain, the sum of forces, the sweep of the solution, a
+/// step's begin and end): small enough to compile in seconds, large enough that the call does not show.
 pub trait Kernel {
     /// What it returns.
     type Output;
