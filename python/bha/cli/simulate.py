@@ -97,9 +97,9 @@ class HeadErrors:
         """Compare with the head positions of ``log``, linear between its samples."""
         assert log.head_positions is not None
         self._time, self._measured = log.time, log.head_positions
-        self.count = 0
         heads = self._measured.shape[1]
-        self._squares, self.greatest = np.zeros((heads, 3)), np.zeros((heads, 3))
+        self._squares, self._counts = np.zeros((heads, 3)), np.zeros((heads, 3))
+        self.greatest = np.full((heads, 3), np.nan)
 
     def of(self, piece: Trajectory) -> NDArray[np.float64]:
         """Errors (m, heads, 3), m; positions where the log measured none are NaN."""
@@ -113,15 +113,15 @@ class HeadErrors:
     def add(self, piece: Trajectory) -> None:
         """Take a piece into account."""
         errors = self.of(piece)
-        self.count += len(piece)
+        self._counts += np.isfinite(errors).sum(axis=0)
         self._squares += np.nansum(errors**2, axis=0)
-        if len(piece):
-            self.greatest = np.fmax(self.greatest, np.nanmax(np.abs(errors), axis=0))
+        self.greatest = np.fmax(self.greatest, np.fmax.reduce(np.abs(errors), axis=0, initial=np.nan))
 
     @property
     def root_mean_square(self) -> NDArray[np.float64]:
-        """RMS error (heads, 3), m."""
-        return np.asarray(np.sqrt(self._squares / max(self.count, 1)))
+        """RMS error (heads, 3), m; NaN where nothing was measured."""
+        counts = np.where(self._counts > 0, self._counts, np.nan)
+        return np.asarray(np.sqrt(self._squares / counts))
 
 
 def _figures(arm: Arm, shown: Trajectory, errors: HeadErrors | None, beside: Path) -> list[Path]:
