@@ -178,3 +178,7 @@ def test_a_run_that_diverges_keeps_what_it_has_and_says_when(tmp_path: Path) -> 
     kept = bha.Log.read(out)
     assert 0.0 < kept.time[-1] < 20.0
     assert np.isfinite(lengths(out)).all()
+
+
+def test_tables_keep_the_units_of_their_headings(tmp_path: Path) -> None:
+    assert "Head [mm]" in run("info", "bha_nominal").output

@@ -12,7 +12,7 @@ use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::linear::Vec3;
 use crate::pneumatics::{Chambers, LONGEST_STEP};
-use crate::real::{Kernel, Real};
+use crate::real::{Real, kernel};
 use std::sync::Arc;
 
 /// Most lanes of any scalar.
@@ -390,49 +390,6 @@ impl<T: Real> Plant<T> {
     }
 }
 
-/// [`System::begin_step`] as a kernel.
-struct BeginStep<'a, T> {
-    plant: &'a mut Plant<T>,
-    t0: f64,
-    t1: f64,
-    x0: &'a [T],
-}
-
-impl<T: Real> Kernel for BeginStep<'_, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        self.plant.begin_step_here(self.t0, self.t1, self.x0);
-    }
-}
-
-/// [`System::end_step`] as a kernel.
-struct EndStep<'a, T> {
-    plant: &'a mut Plant<T>,
-    t1: f64,
-    x1: &'a [T],
-}
-
-impl<T: Real> Kernel for EndStep<'_, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        self.plant.end_step_here(self.t1, self.x1);
-    }
-}
-
-/// [`System::derivative`] as a kernel.
-struct Derivative<'a, T> {
-    plant: &'a mut Plant<T>,
-    t: f64,
-    x: &'a [T],
-    dx: &'a mut [T],
-}
-
-impl<T: Real> Kernel for Derivative<'_, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        self.plant.derivative_here(self.t, self.x, self.dx);
-    }
-}
+kernel!(BeginStep<'a, T> { plant: &'a mut Plant<T>, t0: f64, t1: f64, x0: &'a [T] } => plant.begin_step_here(t0, t1, x0));
+kernel!(EndStep<'a, T> { plant: &'a mut Plant<T>, t1: f64, x1: &'a [T] } => plant.end_step_here(t1, x1));
+kernel!(Derivative<'a, T> { plant: &'a mut Plant<T>, t: f64, x: &'a [T], dx: &'a mut [T] } => plant.derivative_here(t, x, dx));

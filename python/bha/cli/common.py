@@ -13,7 +13,9 @@ from typing import Any, NoReturn, ParamSpec, TypeVar
 import click
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 
 from bha import robots
 from bha.arm import Arm
@@ -66,6 +68,11 @@ def reports_errors(command: Callable[P, R]) -> Callable[P, R]:
 def console() -> Console:
     """Where tables go."""
     return Console()
+
+
+def table(*headings: str, title: str | None = None) -> Table:
+    """A table whose headings keep their units: Rich takes ``[mm]`` for markup."""
+    return Table(*map(escape, headings), title=None if title is None else escape(title))
 
 
 def progress_bar(*, hidden: bool = False) -> Progress:

@@ -9,10 +9,9 @@ from typing import Any
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors
+from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
 from bha.log import Log
 from bha.simulation import CHUNK_ROWS, Input, Interpolation, Method, Options, Simulation, concatenate, output_times
 from bha.trajectory import Trajectory, TrajectoryWriter
@@ -167,10 +166,10 @@ def _report(
         highlight=False,
     )
     if errors is not None:
-        table = Table("Head", "x", "y", "z", "distance", title="Error, simulated minus measured, RMS [mm]")
+        errors_table = table("Head", "x", "y", "z", "distance", title="Error, simulated minus measured, RMS [mm]")
         for head, row in enumerate(errors.root_mean_square):
             cells = [f"{1e3 * value:.2f}" for value in (*row, np.linalg.norm(row))]
-            table.add_row(str(head + 1), *cells)
-        out.print(table)
+            errors_table.add_row(str(head + 1), *cells)
+        out.print(errors_table)
     if written:
         out.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)

@@ -14,7 +14,7 @@ use crate::forces::{ForceSet, Load, Wrench, accumulate, on_joint};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
 use crate::linear::{Mat3, Sym3, Vec3};
-use crate::real::{Kernel, Real};
+use crate::real::{Real, kernel};
 
 /// A spatial inertia about O: [[rotational, coupling], [coupling^T, translational]].
 #[derive(Clone, Copy, Debug)]
@@ -147,20 +147,7 @@ pub(crate) fn solve<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T])
     T::enter(Solve { arm, ws, qdd });
 }
 
-/// [`solve`] as a kernel.
-struct Solve<'a, T> {
-    arm: &'a Arm<T>,
-    ws: &'a mut Workspace<T>,
-    qdd: &'a mut [T],
-}
-
-impl<T: Real> Kernel for Solve<'_, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        sweep(self.arm, self.ws, self.qdd);
-    }
-}
+kernel!(Solve<'a, T> { arm: &'a Arm<T>, ws: &'a mut Workspace<T>, qdd: &'a mut [T] } => sweep(arm, ws, qdd));
 
 #[inline(always)]
 fn sweep<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T]) {

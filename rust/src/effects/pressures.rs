@@ -8,7 +8,7 @@
 use super::upstream::Upstream;
 use crate::arm::Arm;
 use crate::input::Cursor;
-use crate::real::Real;
+use crate::real::{Real, kernel};
 
 /// The pressures of one run on their way through the chain.
 #[derive(Clone, Debug)]
@@ -133,6 +133,11 @@ impl<T: Real> PressureChain<T> {
     /// All stages over `elapsed` seconds; what comes in ends at the first row of `next`.
     #[inline(always)]
     fn pass(&mut self, arm: &Arm<T>, elapsed: f64) {
+        T::enter(Stages { chain: self, arm, elapsed });
+    }
+
+    #[inline(always)]
+    fn stages(&mut self, arm: &Arm<T>, elapsed: f64) {
         let n = self.inputs;
         for (k, &stage) in self.stages.iter().enumerate() {
             let (before, after) = self.next.split_at_mut(n * (k + 1));
@@ -162,6 +167,8 @@ impl<T: Real> PressureChain<T> {
         first
     }
 }
+
+kernel!(Stages<'a, T> { chain: &'a mut PressureChain<T>, arm: &'a Arm<T>, elapsed: f64 } => chain.stages(arm, elapsed));
 
 /// The pressures that act when everything rests at the logged `p`, in place.
 pub fn at_rest<T: Real>(arm: &Arm<T>, p: &mut [T]) {

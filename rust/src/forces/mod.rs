@@ -11,7 +11,7 @@ use crate::arm::Arm;
 use crate::effects::{self, EffectState};
 use crate::kinematics::chain::Link;
 use crate::linear::Vec3;
-use crate::real::{Kernel, Real};
+use crate::real::{Real, kernel};
 
 /// A wrench in the base frame.
 #[derive(Clone, Copy, Debug)]
@@ -119,8 +119,7 @@ pub fn accumulate<T: Real>(
     T::enter(Accumulate { arm, set, p, f_ext, links, state, loads });
 }
 
-/// [`accumulate`] as a kernel.
-struct Accumulate<'a, T> {
+kernel!(Accumulate<'a, T> {
     arm: &'a Arm<T>,
     set: ForceSet,
     p: &'a [T],
@@ -128,16 +127,7 @@ struct Accumulate<'a, T> {
     links: &'a [Link<T>],
     state: &'a mut EffectState<T>,
     loads: &'a mut [Load<T>],
-}
-
-impl<T: Real> Kernel for Accumulate<'_, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Self { arm, set, p, f_ext, links, state, loads } = self;
-        sum(arm, set, p, f_ext, links, state, loads);
-    }
-}
+} => sum(arm, set, p, f_ext, links, state, loads));
 
 #[inline(always)]
 fn sum<T: Real>(

@@ -10,7 +10,7 @@ use super::coordinates::arc_from_lengths;
 use super::section::{Bent, Subspace};
 use crate::arm::Arm;
 use crate::linear::{Mat3, Vec3};
-use crate::real::{Kernel, Real};
+use crate::real::{Real, kernel};
 
 /// What is known of one section and its head body, in the base frame.
 #[derive(Clone, Copy, Debug)]
@@ -130,22 +130,7 @@ pub fn pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mu
     T::enter(Pass { arm, q, qd, motion, links });
 }
 
-/// [`pass`] as a kernel.
-struct Pass<'a, T> {
-    arm: &'a Arm<T>,
-    q: &'a [T],
-    qd: &'a [T],
-    motion: Motion,
-    links: &'a mut [Link<T>],
-}
-
-impl<T: Real> Kernel for Pass<'_, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        walk(self.arm, self.q, self.qd, self.motion, self.links);
-    }
-}
+kernel!(Pass<'a, T> { arm: &'a Arm<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>] } => walk(arm, q, qd, motion, links));
 
 #[inline(always)]
 fn walk<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mut [Link<T>]) {

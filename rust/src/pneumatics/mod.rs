@@ -18,7 +18,7 @@ pub mod valve;
 use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::parameters::{PneumaticsLevel, PneumaticsParameters};
-use crate::real::Real;
+use crate::real::{Real, kernel};
 
 /// Longest sub-step, s.
 pub const SUBSTEP: f64 = 2.5e-4;
@@ -254,7 +254,12 @@ impl<T: Real> Chambers<T> {
     /// A step of the arm from (`t0`, lengths `q`, rates `qd`) to `t1` begins; `commands` are the commanded pressures at
     /// its start and at its end.
     #[inline(always)]
-    pub fn begin_step(&mut self, arm: &Arm<T>, (t0, t1): (f64, f64), (q, qd): (&[T], &[T]), commands: &[Vec<T>; 2]) {
+    pub fn begin_step(&mut self, arm: &Arm<T>, times: (f64, f64), state: (&[T], &[T]), commands: &[Vec<T>; 2]) {
+        T::enter(BeginStep { chambers: self, arm, times, state, commands });
+    }
+
+    #[inline(always)]
+    fn fill(&mut self, arm: &Arm<T>, (t0, t1): (f64, f64), (q, qd): (&[T], &[T]), commands: &[Vec<T>; 2]) {
         let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
         let h = t1 - t0;
         self.start = t0;
@@ -297,6 +302,11 @@ impl<T: Real> Chambers<T> {
     /// The acting pressures at time `t` of the step begun last, at lengths `q`, into `out`.
     #[inline(always)]
     pub fn pressures(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
+        T::enter(Pressures { chambers: self, arm, t, q, out });
+    }
+
+    #[inline(always)]
+    fn read(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
         let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
         let elapsed = (t - self.start).clamp(0.0, self.end - self.start);
         if pneumatics.level == PneumaticsLevel::Lag {
@@ -356,6 +366,22 @@ impl<T: Real> Chambers<T> {
         self.now.iter().map(|x| x.content)
     }
 }
+
+kernel!(BeginStep<'a, T> {
+    chambers: &'a mut Chambers<T>,
+    arm: &'a Arm<T>,
+    times: (f64, f64),
+    state: (&'a [T], &'a [T]),
+    commands: &'a [Vec<T>; 2],
+} => chambers.fill(arm, times, state, commands));
+
+kernel!(Pressures<'a, T> {
+    chambers: &'a mut Chambers<T>,
+    arm: &'a Arm<T>,
+    t: f64,
+    q: &'a [T],
+    out: &'a mut [T],
+} => chambers.read(arm, t, q, out));
 
 /// The lagged pressure after `elapsed` under a reference that moves evenly: exact.
 #[inline(always)]

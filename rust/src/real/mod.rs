@@ -28,6 +28,25 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
+/// A [`Kernel`] made of a function: `kernel!(Name<'a, T> { argument: type, ... } => call)`.
+macro_rules! kernel {
+    ($name:ident<$life:lifetime, $scalar:ident> { $($field:ident: $type:ty),+ $(,)? } => $body:expr) => {
+        struct $name<$life, $scalar> {
+            $($field: $type),+
+        }
+
+        impl<$life, $scalar: $crate::real::Real> $crate::real::Kernel for $name<$life, $scalar> {
+            type Output = ();
+            #[inline(always)]
+            fn run(self) {
+                let Self { $($field),+ } = self;
+                $body;
+            }
+        }
+    };
+}
+pub(crate) use kernel;
+
 /// A [`Kernel`] for the instruction set that every processor of the target has.
 #[inline(never)]
 fn run<K: Kernel>(kernel: K) -> K::Output {
