@@ -12,6 +12,7 @@ cubic term of the bending moment go beyond the paper.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Self, TypeVar
 
 import numpy as np
@@ -36,6 +37,8 @@ from bha.parameters.provenance import ProvenanceTable, check_provenance, provena
 T = TypeVar("T")
 
 STANDARD_ANGLES_DEG = (0.0, 120.0, 240.0)
+# Made once: checking these tables again and again took a third of the time in which an arm is built.
+_STANDARD_BELLOWS = tuple(BellowsParameters(angle_deg=angle) for angle in STANDARD_ANGLES_DEG)
 
 
 class SectionParameters(Table):
@@ -121,7 +124,17 @@ class SectionParameters(Table):
 
     def resolved_bellows(self, section: int) -> tuple[ResolvedBellows, ...]:
         """The bellows with every inherited value filled in; input names are made from the number ``section``."""
-        stated = self.bellows or tuple(BellowsParameters(angle_deg=angle) for angle in STANDARD_ANGLES_DEG)
+        if section not in self.resolved_by_number:
+            self.resolved_by_number[section] = self._resolve(section)
+        return self.resolved_by_number[section]
+
+    @cached_property
+    def resolved_by_number(self) -> dict[int, tuple[ResolvedBellows, ...]]:
+        """What :meth:`resolved_bellows` returned so far, by the section's number: one check asks for it many times."""
+        return {}
+
+    def _resolve(self, section: int) -> tuple[ResolvedBellows, ...]:
+        stated = self.bellows or _STANDARD_BELLOWS
         return tuple(
             ResolvedBellows(
                 angle=bellows.angle_rad,
