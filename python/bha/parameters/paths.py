@@ -168,7 +168,7 @@ def with_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmPa
     for path, value in values.items():
         get_value(parameters, path)
         _set(parameters, mapping, path.split("."), float(value))
-    # Sections that stay are passed on as they are: their values have been checked, and sweeps build arms by the million.
+    # Sections that stay are passed on as they are: they have been checked, and sweeps build arms by the million.
     touched = {int(path.split(".")[1]) for path in values if path.startswith("section.")}
     sections = zip(mapping["section"], parameters.sections, strict=True)
     mapping["section"] = [table if k in touched else old for k, (table, old) in enumerate(sections, start=1)]
