@@ -79,7 +79,9 @@ def run(
     if target.exists() and not target.is_dir():
         raise InputError(f"{target}: is a file; name a folder")
     made = make_plan(spec, instruction_set=_instruction_set(target))
-    with storage.locked(target):
+    with storage.locked(target), warnings.catch_warnings():
+        # Once a run it warns nobody; the numbers that were drawn stand in the table.
+        warnings.simplefilter("ignore", ParameterWarning)
         storage.prepare(target, made)
         missing = storage.missing(target, made)
         done = made.runs - sum(len(made.runs_of(partition)) for partition in missing)
@@ -132,7 +134,4 @@ def _tables(
     if dask is not None:
         yield from on_cluster(made, missing, dask, tick)
         return
-    with warnings.catch_warnings():
-        # One that is drawn a million times warns nobody; the numbers stand in the table.
-        warnings.simplefilter("ignore", ParameterWarning)
-        yield from on_this_computer(made, missing, threads, tick)
+    yield from on_this_computer(made, missing, threads, tick)

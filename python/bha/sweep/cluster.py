@@ -6,12 +6,13 @@ its partition with it, and the scheduler gives that to another one: it is writte
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any
 
 from bha import _core
-from bha.errors import BhaError, InputError
+from bha.errors import BhaError, InputError, ParameterWarning
 from bha.extras import import_extra
 from bha.sweep.execute import Tick
 from bha.sweep.group import run_partition
@@ -55,7 +56,7 @@ def on_cluster(plan: Plan, wanted: Iterable[int], address: str, tick: Tick) -> I
 
         first = {submit(partition): partition for partition in islice(rest, room())}
         under_way = dict(first)
-        done = distributed.as_completed(list(first))
+        done = distributed.as_completed(list(first), loop=client.loop)
         try:
             for future in done:
                 partition = under_way.pop(future)
@@ -78,7 +79,9 @@ def _same(plan: Plan) -> Plan:
 def _work(plan: Plan, partition: int, version: str) -> dict[str, Any]:
     if _core.__version__ != version:
         raise InputError(f"a worker has bha {_core.__version__}, the sweep was started by {version}; install the same")
-    return run_partition(plan, partition)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ParameterWarning)
+        return run_partition(plan, partition)
 
 
 def _result(distributed: Any, future: Any, partition: int) -> dict[str, Any]:

@@ -100,7 +100,7 @@ def _number_faults(variable: Variable) -> Iterator[tuple[str, str]]:
         if len(variable.weights) != len(values) or sum(variable.weights) <= 0:
             yield "weights", f"found {list(variable.weights)}; allowed: {len(values)} numbers >= 0, not all zero"
     if variable.distribution in ("normal", "log_normal"):
-        below, above = _cut(variable)
+        below, above, _ = _cut(variable)
         if above - below < _LEAST_SHARE:
             share = f"low and high leave {above - below:.1e} of the distribution"
             yield "low", f"{share}; allowed: at least {_LEAST_SHARE}"
@@ -171,10 +171,10 @@ def quantile(variable: Variable, u: float) -> float:
             assert high is not None
             return min(max(low * math.pow(high / low, u), low), high)
         case "normal" | "log_normal":
-            below, above = _cut(variable)
-            share = min(max(below + u * (above - below), 2.0**-1000), 1.0 - 2.0**-53)
+            below, above, sign = _cut(variable)
+            share = below + (u if sign > 0 else 1.0 - u) * (above - below)
             centre, width = _normal_of(variable)
-            value = centre + width * _STANDARD_NORMAL.inv_cdf(share)
+            value = centre + sign * width * _STANDARD_NORMAL.inv_cdf(min(max(share, 2.0**-1000), 1.0 - 2.0**-53))
             if variable.distribution == "log_normal":
                 value = math.exp(value)
             value = value if low is None else max(value, low)
@@ -199,14 +199,18 @@ def _normal_of(variable: Variable) -> tuple[float, float]:
     return variable.mean, variable.standard_deviation
 
 
-def _cut(variable: Variable) -> tuple[float, float]:
-    """Probabilities below low and below high."""
+def _cut(variable: Variable) -> tuple[float, float, float]:
+    """Probabilities between which draws lie, and 1; or, where both bounds lie above the middle, those of the mirrored
+    distribution, and -1, since probabilities next to 1 have few digits.
+    """
     centre, width = _normal_of(variable)
-    logarithmic = variable.distribution == "log_normal"
 
-    def below(bound: float | None, unbounded: float) -> float:
+    def standard(bound: float | None, unbounded: float) -> float:
         if bound is None:
             return unbounded
-        return _STANDARD_NORMAL.cdf(((math.log(bound) if logarithmic else bound) - centre) / width)
+        return ((math.log(bound) if variable.distribution == "log_normal" else bound) - centre) / width
 
-    return below(variable.low, 0.0), below(variable.high, 1.0)
+    low, high = standard(variable.low, -math.inf), standard(variable.high, math.inf)
+    if low > 0:
+        return _STANDARD_NORMAL.cdf(-high), _STANDARD_NORMAL.cdf(-low), -1.0
+    return _STANDARD_NORMAL.cdf(low), _STANDARD_NORMAL.cdf(high), 1.0
