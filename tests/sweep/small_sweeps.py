@@ -22,7 +22,7 @@ def one_section() -> bha.Arm:
 
 
 def spec(folder: Path, **changes: Any) -> dict[str, Any]:
-    """The mapping of a sweep file; its arm is written beside it. ``changes`` replace top-level keys, None removes one."""
+    """The mapping of a sweep file, its arm written beside it; ``changes`` replace top-level keys, None removes one."""
     arm = folder / "arm.toml"
     if not arm.exists():
         one_section().save(arm)

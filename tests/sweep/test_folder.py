@@ -42,7 +42,7 @@ def wait_for(out: Path, count: int, process: subprocess.Popen[str]) -> None:
 
 
 def test_goes_on_after_kill(tmp_path: Path) -> None:
-    """SIGKILL in the middle, a file half written: what was there stays untouched, the rest comes as without the kill."""
+    """SIGKILL in the middle, a file half written: what was there is untouched, the rest comes as without the kill."""
     mapping, out = slow(tmp_path, 6), tmp_path / "out"
     process = start(toml(mapping, tmp_path / "sweep.toml"), out)
     wait_for(out, 2, process)

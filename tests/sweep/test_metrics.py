@@ -21,7 +21,7 @@ def runs(tips: list[np.ndarray], dt: float, band: float = 0.05, **arrays: Any) -
     tip = np.full((len(tips), longest, 3), np.nan)
     time = np.full((len(tips), longest), np.nan)
     for k, x in enumerate(tips):
-        tip[k, : len(x)] = np.outer(x, [1.0, 0.0, 0.0]) + [0.0, 0.2, 0.3]
+        tip[k, : len(x)] = np.outer(x, [1.0, 0.0, 0.0]) + np.array([0.0, 0.2, 0.3])
         time[k, : len(x)] = dt * np.arange(len(x))
     nothing = np.zeros((len(tips), longest, 3))
     last = np.array([len(x) - 1 for x in tips])

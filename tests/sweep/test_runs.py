@@ -60,8 +60,9 @@ def test_runs_are_as_simulated_alone(tmp_path: Path) -> None:
         mass, damping, amplitude, amplitude2, offset, pressure, length, rate = draws[k]
         changes = {"section.1.mass": mass, "section.1.damping": 18.0 * damping}
         arm = bha.Arm(with_values(base.parameters, changes))
-        p = 101_325.0 + amplitude * np.array([1, amplitude2, 1]) * (np.array(PRESSURES) - 101_325.0) + [0, 0, offset]
-        q0 = arm.static_lengths(np.array(start) + [pressure, 0, 0]) + [0, length, 0]
+        p = 101_325.0 + amplitude * np.array([1, amplitude2, 1]) * (np.array(PRESSURES) - 101_325.0)
+        p[2] += offset
+        q0 = arm.static_lengths([start[0] + pressure, *start[1:]]) + np.array([0.0, length, 0.0])
         check(found, k, alone(arm, bha.Input.constant(p, 0.02), 0.005, q0=q0, qd0=[0, 0, rate]))
 
 

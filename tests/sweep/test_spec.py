@@ -103,7 +103,7 @@ def test_file_and_line_are_named(tmp_path: Path) -> None:
         bha.sweep.make_plan(path)
     assert str(caught.value).startswith(f"{path}, line {line}: vary 2: what: found")
     path.write_text("schema = ")
-    with pytest.raises(bha.ParameterError, match="mine.toml: not a TOML file"):
+    with pytest.raises(bha.ParameterError, match=r"mine\.toml: not a TOML file"):
         bha.sweep.make_plan(path)
     with pytest.raises(bha.ParameterError, match="there is no such file"):
         bha.sweep.make_plan(tmp_path / "none.toml")

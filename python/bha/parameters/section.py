@@ -12,7 +12,7 @@ cubic term of the bending moment go beyond the paper.
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Self, TypeVar
 
 import numpy as np
@@ -89,14 +89,10 @@ class SectionParameters(Table):
 
         Only the layout is judged: springs of zero stiffness are a decision, bellows in one line an oversight.
         """
-        places = [(b.radius / self.bellows_radius, b.angle) for b in self.resolved_bellows(1)]
-        # How the lengths of the bellows follow from the three degrees of freedom of the section.
-        rows = [(radius * math.cos(angle), radius * math.sin(angle), 1.0) for radius, angle in places]
-        if any(k != 0.0 for k in self.bending_stiffness):
-            rows += [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
-        if np.linalg.matrix_rank(np.array(rows), tol=1e-9) < 3:
+        places = tuple((b.radius / self.bellows_radius, b.angle) for b in self.resolved_bellows(1))
+        if not _all_motions_held(places, any(k != 0.0 for k in self.bending_stiffness)):
             raise table_error(
-                f"the {len(rows)} bellows leave the section free to bend in some direction: they sit in one line or "
+                f"the {len(places)} bellows leave the section free to bend in some direction: they sit in one line or "
                 "one place and bending_stiffness is zero; allowed: bellows not all in one line, or a bending stiffness",
                 "bellows",
             )
@@ -147,6 +143,16 @@ class SectionParameters(Table):
             )
             for number, bellows in enumerate(stated, start=1)
         )
+
+
+@lru_cache(maxsize=256)
+def _all_motions_held(places: tuple[tuple[float, float], ...], bending: bool) -> bool:
+    """Whether bellows at these radii (as shares) and angles, rad, hold a section against bending and lengthening."""
+    # How the lengths of the bellows follow from the three degrees of freedom of the section.
+    rows = [(radius * math.cos(angle), radius * math.sin(angle), 1.0) for radius, angle in places]
+    if bending:
+        rows += [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    return bool(np.linalg.matrix_rank(np.array(rows), tol=1e-9) == 3)
 
 
 def _inherit(own: T | None, inherited: T) -> T:

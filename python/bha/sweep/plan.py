@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bha import _core, robots
 from bha.arm import Arm
 from bha.log import Log
+from bha.parameters import ArmParameters
 from bha.simulation import Input
 from bha.sweep.draws import grid_rows, grid_values, monte_carlo_rows
 from bha.sweep.spec import GROUP, SweepSpec, Variable
@@ -37,7 +38,7 @@ class Plan:
         spec: what the file says.
         variables: the ``[[vary]]`` tables; a choice of a log has its logs filled in.
         targets: what each acts on.
-        arm: the arm of the file.
+        arm: the arm of the file, without provenance.
         inputs: what drives it, one a log, each cut to the duration.
         input_names: names of the logs as the file has them.
         runs: how many.
@@ -129,6 +130,7 @@ def make_plan(spec: AnySpec, *, instruction_set: str | None = None) -> Plan:
     if spec.input.logs is not None and not spec.input.commanded and arm.pneumatics_level != "ideal":
         arm = arm.with_changes(pneumatics="ideal")  # measured pressures act as they are
     logs = spec.input.logs or ()
+    arm = Arm(_bare(arm.parameters))
     variables = tuple(
         v.model_copy(update={"values": logs}) if v.is_text and v.values is None else v for v in spec.variables
     )
@@ -162,6 +164,16 @@ def _arm(spec: SweepSpec) -> Arm:
         return robots.load(spec.arm)
     ships = ", ".join(robots.names())
     raise spec.fault(("arm",), f'found "{spec.arm}"; allowed: a file that exists (from {spec.folder}), or {ships}')
+
+
+def _bare(parameters: ArmParameters) -> ArmParameters:
+    """Without provenance: no result follows from it, and every run would have it checked again."""
+    mapping = parameters.to_mapping()
+    tables = [mapping, mapping.get("pneumatics", {}), *mapping["section"], *mapping.get("effect", ())]
+    tables += [bellows for section in mapping["section"] for bellows in section.get("bellows", ())]
+    for table in tables:
+        table.pop("provenance", None)
+    return ArmParameters.from_mapping(mapping, origin=parameters.name)
 
 
 def _inputs(spec: SweepSpec, arm: Arm) -> tuple[tuple[Input, ...], list[str]]:
