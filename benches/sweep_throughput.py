@@ -1,9 +1,9 @@
 """What a million trajectories of 1 s cost in a sweep: measured on some hundred of them, on one thread, and scaled.
 
-Processor time, the least of some repeats: other programs on the computer make it longer, never shorter. The nominal three-section arm is let go from a bent
-pose; every run has its own masses, dampings and pressures (its own arm), or its own pressures only (one arm for all).
-Rows every 10 ms, five metrics. "Error" is the greatest difference of the final tip displacement from runs with a
-relative tolerance of 1e-11. Reading the spec and writing Parquet are not part of the cost; they do not grow with a run.
+Processor time, the least of some repeats: other programs on the computer make it longer, never shorter. The nominal
+three-section arm is let go from a bent pose; every run has its own masses, dampings and pressures (its own arm), or its
+own pressures only (one arm for all). Rows every 10 ms, five metrics. "Error" is the greatest difference of the final
+tip displacement from runs with a relative tolerance of 1e-11. Reading the spec and writing Parquet are not part of it.
 
     python -m benches.sweep_throughput --runs 256
 """
