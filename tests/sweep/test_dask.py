@@ -24,7 +24,7 @@ pytest.importorskip("distributed")
 
 @contextmanager
 def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Address of a scheduler and its worker processes, none of which starts another one in its place."""
+    """Address of a scheduler, and the processes: scheduler, workers; nobody starts another one in their place."""
     file = folder / "scheduler.json"
     local = ["--host", "127.0.0.1"]
     quiet = {**os.environ, "DASK_LOGGING__DISTRIBUTED": "critical", "OMP_NUM_THREADS": "1"}
@@ -42,7 +42,7 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.P
         while not (file.exists() and file.read_text().strip()):
             assert time.monotonic() < deadline, "the scheduler did not start"
             time.sleep(0.05)
-        yield json.loads(file.read_text())["address"], processes[1:]
+        yield json.loads(file.read_text())["address"], processes
     finally:
         for process in reversed(processes):
             process.kill()
@@ -57,19 +57,26 @@ def wait_for_workers(address: str, count: int) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")  # what distributed warns of is not ours to mend
-def test_a_killed_worker_loses_and_doubles_nothing(tmp_path: Path) -> None:
+def test_killed_workers_and_schedulers_lose_and_double_nothing(tmp_path: Path) -> None:
     mapping, out = slow(tmp_path, 8, 0.25), tmp_path / "out"
     counts: list[int] = []
-    with cluster(tmp_path, 2) as (address, workers):
+    with cluster(tmp_path, 2) as (address, processes):
         wait_for_workers(address, 2)
 
         def kill_one(done: int, runs: int) -> None:
             counts.append(done)
             if len(counts) == 3:  # two partitions are done, both workers have more to do
-                workers[0].kill()
+                processes[1].kill()
 
         summary = bha.sweep.run(mapping, out, dask=address, progress=kill_one)
-        assert workers[0].wait() == -9
+        assert processes[1].wait() == -9
+
+        def kill_scheduler(done: int, runs: int) -> None:
+            if done:
+                processes[0].kill()
+
+        with pytest.raises(bha.InputError, match="the Dask scheduler was lost"):
+            bha.sweep.run(mapping, tmp_path / "here", dask=address, progress=kill_scheduler)
     assert summary.complete
     assert counts == sorted(set(counts))
     assert counts[-1] == summary.done == 64 * 8 - 10

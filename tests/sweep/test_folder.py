@@ -152,6 +152,20 @@ def test_foreign_and_broken_files_are_refused(tmp_path: Path) -> None:
         bha.sweep.read(out, ["colour"])
 
 
+def test_a_sweep_of_any_size_starts_at_once(tmp_path: Path) -> None:
+    """10^12 runs are too many to be listed."""
+    out = tmp_path / "out"
+
+    def stop(done: int, runs: int) -> None:
+        if done >= 128:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bha.sweep.run(spec(tmp_path, runs=10**12), out, threads=1, progress=stop)
+    assert len(partitions(out)) == 1
+    assert bha.sweep.summarize(out).partitions == 15_625_000_000
+
+
 def test_one_process_at_a_time(tmp_path: Path) -> None:
     with locked(tmp_path / "out"), pytest.raises(bha.InputError, match="another process is running a sweep there"):
         bha.sweep.run(spec(tmp_path), tmp_path / "out")

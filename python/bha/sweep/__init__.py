@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,8 +83,9 @@ def run(
         # Once a run it warns nobody; the numbers that were drawn stand in the table.
         warnings.simplefilter("ignore", ParameterWarning)
         storage.prepare(target, made)
-        missing = storage.missing(target, made)
-        done = made.runs - sum(len(made.runs_of(partition)) for partition in missing)
+        there = storage.checked_partitions(target, made)
+        missing = (partition for partition in range(made.partitions) if partition not in there)
+        done = sum(len(made.runs_of(partition)) for partition in there)
 
         def tick(count: int) -> None:
             nonlocal done
@@ -129,7 +130,7 @@ def _instruction_set(folder: Path) -> str | None:
 
 
 def _tables(
-    made: Plan, missing: Sequence[int], threads: int | None, dask: str | None, tick: Callable[[int], None]
+    made: Plan, missing: Iterable[int], threads: int | None, dask: str | None, tick: Callable[[int], None]
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     if dask is not None:
         yield from on_cluster(made, missing, dask, tick)

@@ -6,8 +6,10 @@ its partition with it, and the scheduler gives that to another one: it is writte
 
 from __future__ import annotations
 
+import secrets
 import warnings
 from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError
 from itertools import islice
 from typing import Any
 
@@ -42,12 +44,14 @@ def on_cluster(plan: Plan, wanted: Iterable[int], address: str, tick: Tick) -> I
     except (OSError, ValueError) as error:
         raise InputError(f"no Dask scheduler answers at {address}: {error}; start one with: dask scheduler") from error
     with client:
+        # Tasks of one key are one task to the scheduler, whoever submitted them: those of this call stay its own.
+        name = f"bha-{plan.fingerprint[:12]}-{secrets.token_hex(6)}"
         # A task of its own: it reaches the scheduler once, and is computed again where the worker that held it died.
-        shared = client.submit(_same, plan, pure=False, key=f"bha-plan-{plan.fingerprint[:16]}")
+        shared = client.submit(_same, plan, pure=False, key=f"{name}-plan")
         rest = iter(wanted)
 
         def submit(partition: int) -> Any:
-            key = f"bha-partition-{plan.fingerprint[:16]}-{partition}"
+            key = f"{name}-{partition}"
             return client.submit(_work, shared, partition, _core.__version__, pure=False, key=key)
 
         def room() -> int:
@@ -93,5 +97,11 @@ def _result(distributed: Any, future: Any, partition: int) -> dict[str, Any]:
         raise InputError(
             f"partition {partition} was given up: {error.allowed_failures + 1} workers died one after the other while "
             "they had it; look at their logs (memory?), and run the sweep again to go on"
+        ) from error
+    except ImportError as error:
+        raise InputError(f"a worker cannot do the work: {error}; install bha there, in the same version") from error
+    except (CancelledError, distributed.CancelledError) as error:
+        raise InputError(
+            "the Dask scheduler was lost; start it again, and run the sweep again to go on from the finished partitions"
         ) from error
     return table

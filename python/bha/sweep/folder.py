@@ -129,8 +129,8 @@ def write_partition(folder: Path, plan: Plan, partition: int, table: Mapping[str
         _to_disk(temporary)
 
 
-def missing(folder: Path, plan: Plan) -> list[int]:
-    """The partitions that are not there yet.
+def checked_partitions(folder: Path, plan: Plan) -> set[int]:
+    """The partitions that are there, each looked at whether it is one of this sweep.
 
     Raises:
         InputError: a file that bears the name of a partition is not one of this sweep.
@@ -143,7 +143,7 @@ def missing(folder: Path, plan: Plan) -> list[int]:
         expected = {b"bha.fingerprint": plan.fingerprint.encode(), b"bha.partition": str(partition).encode()}
         if runs != rows or any(metadata.get(key) != value for key, value in expected.items()):
             raise InputError(f"{path}: is no partition of this sweep; remove it, and its runs are computed again")
-    return [partition for partition in range(plan.partitions) if partition not in there]
+    return there
 
 
 def partitions(folder: Path) -> list[int]:
