@@ -43,9 +43,8 @@ lint: $(VENV)/.ready-dev ## Formatters, linters and type checkers
 	$(BIN)/mypy --strict python/bha
 	$(BIN)/stubtest --mypy-config-file pyproject.toml bha._core
 
-bench: $(VENV)/.ready-bench ## Measure speed
-	cargo bench
-	$(BIN)/python -m pytest benches --benchmark-only --benchmark-columns=median,iqr,rounds
+bench: $(VENV)/.ready-bench ## Measure speed, in Rust and from Python: one table
+	$(BIN)/python -m pytest benches --benchmark-only --benchmark-quiet --rust
 
 wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it in an empty environment (Linux)
 	rm -rf dist

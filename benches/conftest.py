@@ -9,6 +9,8 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
+from .rust import medians as rust_medians
+
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
 
 
@@ -18,6 +20,11 @@ def pretty(seconds: float) -> str:
     return f"{seconds / factor:.3g} {unit}"
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--rust``: run the benchmarks in Rust too."""
+    parser.addoption("--rust", action="store_true", help="add the medians of `cargo bench --bench dynamics`")
+
+
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     session = getattr(config, "_benchmarksession", None)
     medians: dict[str, dict[str, dict[str, float]]] = defaultdict(lambda: defaultdict(dict))
@@ -25,6 +32,9 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
         info = bench.extra_info
         if not bench.has_error and "table" in info:
             medians[info["table"]][info["row"]][info["side"]] = bench.stats.median * info.get("times", 1)
+    if config.getoption("--rust"):
+        for row, median in rust_medians("dynamics").items():
+            medians["in Rust, three sections unless said"][row]["median"] = median
     if not medians:
         return
     table = Table("", "First", "Second", "First / second", title="Medians, both sides in one process")

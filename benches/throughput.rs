@@ -4,7 +4,7 @@
 use bha_core::arm::Arm;
 use bha_core::dynamics::Workspace;
 use bha_core::dynamics::derivatives::{Point, differentiator};
-use bha_core::dynamics::recursion::ForwardDynamics;
+use bha_core::dynamics::recursion::forward_dynamics_into;
 use bha_core::parameters::ArmParameters;
 use bha_core::real::lanes::{AnyLanes, InstructionSet, dispatch};
 use bha_core::real::{Fused, Real};
@@ -47,7 +47,7 @@ fn forward_dynamics<T: Real>(arm: &Arm) -> f64 {
     let (q, qd) = x.split_at(n);
     shortest(|| {
         let (arm, q, qd) = (black_box(&lifted), black_box(q), black_box(qd));
-        T::enter(ForwardDynamics { arm, q, qd, p: &p, f_ext: None, ws: &mut ws, qdd: black_box(&mut out) });
+        forward_dynamics_into(arm, q, qd, &p, None, &mut ws, black_box(&mut out));
     })
 }
 

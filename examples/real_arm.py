@@ -59,7 +59,7 @@ def main(folder: Path, arm_file: str | None, out: Path) -> None:
     repeats = [log for name, log in logs.items() if name.startswith("jan10_right")]
     floor = repeatability(repeats)
 
-    table = Table("Log", "Head", "x", "y", "z", "distance", title="Simulated minus measured, RMS [mm]")
+    table = Table("Log", "Head", "x", "y", "z", "distance", title=r"Simulated minus measured, RMS \[mm]")
     out.mkdir(parents=True, exist_ok=True)
     for name, log in logs.items():
         errors = replay(arm, log)

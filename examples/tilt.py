@@ -30,7 +30,7 @@ def main(out: Path) -> None:
     difference = trajectories["reduced"].head_positions - trajectories["full"].head_positions
 
     table = Table(title="Tilt of section 1: reduced against full model")
-    for heading in ("Head", "Way [mm]", "RMS difference [mm]", "Greatest [mm]"):
+    for heading in ("Head", r"Way \[mm]", r"RMS difference \[mm]", r"Greatest \[mm]"):
         table.add_column(heading, justify="right")
     for head in range(full.section_count):
         positions = trajectories["full"].head_positions[:, head]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-InstructionSet = Literal["scalar", "plain", "neon", "avx2", "avx512"]
+InstructionSet = Literal["scalar", "neon", "avx2", "avx512"]
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ def simulate_batch(
         velocities: whether to return the rates.
         head_positions: whether to return the heads' positions.
         threads: how many threads; as many as there are cores if None.
-        instruction_set: what computes members abreast with ``"rk4"``: ``"scalar"`` (one after the other), ``"plain"``,
-            ``"neon"``, ``"avx2"`` (4) or ``"avx512"`` (8); the widest one of this processor if None.
+        instruction_set: what computes members abreast with ``"rk4"``: ``"scalar"`` (one after the other), ``"neon"``,
+            ``"avx2"`` (4) or ``"avx512"`` (8); the widest one of this processor if None.
         progress: called about 20 times a second with the fraction of members done.
 
     Returns:

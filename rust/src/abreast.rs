@@ -65,8 +65,8 @@ pub fn with_tangents<const N: usize, T: Real>(arm: &Arm, tangents: &[&[f64]]) ->
     rebuilt(arm, |i| Dual::seeded(values[i], |d| tangents.get(d).map_or(0.0, |t| t[i])))
 }
 
-/// `sum_i weights[i] arms[i]`, number by number: with weights of differences, the derivative of an arm's numbers along a
-/// path of arms. None if the arms are not of one structure.
+/// `sum_i weights[i] arms[i]`, number by number, for weights of differences (they add up to zero): the derivative of an
+/// arm's numbers along a path of arms. None if the arms are not of one structure.
 ///
 /// Numbers of an arm are products, quotients and a few sines of its parameters; differences of order 8 give their
 /// derivatives to about 1e-12.
@@ -75,9 +75,12 @@ pub fn tangent(arms: &[&Arm], weights: &[f64]) -> Option<Vec<f64>> {
     if !arms.iter().all(|a| same_structure(first, a)) {
         return None;
     }
-    let mut sum = vec![0.0; numbers(first).len()];
+    // From the first arm's numbers on: the weights add up to zero but for rounding, which must not make numbers move that
+    // do not depend on the parameter.
+    let origin = numbers(first);
+    let mut sum = vec![0.0; origin.len()];
     for (arm, w) in arms.iter().zip(weights) {
-        sum.iter_mut().zip(numbers(arm)).for_each(|(s, x)| *s += w * x);
+        sum.iter_mut().zip(numbers(arm).iter().zip(&origin)).for_each(|(s, (x, x0))| *s += w * (x - x0));
     }
     Some(sum)
 }

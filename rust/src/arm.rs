@@ -3,7 +3,7 @@
 use crate::effects::Effects;
 use crate::error::{Error, Result};
 use crate::linear::Vec3;
-use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
+use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, PneumaticsLevel, SectionParameters};
 use crate::pneumatics::Pneumatics;
 use crate::real::Real;
 
@@ -238,7 +238,8 @@ impl Arm<f64> {
         let pneumatics = parameters.pneumatics.as_ref();
         let pneumatics = pneumatics
             .map(|p| Pneumatics::new(p, parameters.ambient_pressure, &middle_volumes(parameters)))
-            .transpose()?;
+            .transpose()?
+            .filter(|x| x.level != PneumaticsLevel::Ideal);
         let mut arm = Self {
             gravity: Vec3(parameters.gravity),
             ambient_pressure: not_negative("arm", "ambient_pressure", parameters.ambient_pressure)?,
@@ -323,7 +324,7 @@ impl<T: Real> Arm<T> {
 
 impl<T> Arm<T> {
     /// Number of coordinates, three a section.
-    #[inline]
+    #[inline(always)]
     pub fn coordinates(&self) -> usize {
         3 * self.sections.len()
     }

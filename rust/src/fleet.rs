@@ -191,19 +191,19 @@ struct Guard<T> {
 }
 
 impl<T: Real> System<T> for Guard<T> {
-    #[inline]
+    #[inline(always)]
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
         self.plant.begin_step(t0, t1, x0);
     }
-    #[inline]
+    #[inline(always)]
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
         self.plant.derivative(t, x, dx);
     }
-    #[inline]
+    #[inline(always)]
     fn end_step(&mut self, t1: f64, x1: &[T]) {
         self.plant.end_step(t1, x1);
     }
-    #[inline]
+    #[inline(always)]
     fn inspect(&mut self, _t0: f64, x1: &mut [T]) -> Option<String> {
         // The rest of the step of a lane that failed is of no use to anyone; it only must stay finite.
         if !x1.iter().all(|x| x.is_finite()) || self.plant.objection(x1).is_some() {
@@ -222,7 +222,7 @@ struct Step<'a, T> {
 
 impl<T: Real> Kernel for Step<'_, T> {
     type Output = ();
-    #[inline]
+    #[inline(always)]
     fn run(self) {
         // Every step begins at time 0, so that its rounding does not depend on how long the others have been going.
         self.integrator.set_time(0.0);

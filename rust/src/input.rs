@@ -117,7 +117,7 @@ impl Input {
     }
 
     /// The last sample at or before `t` (`before`: strictly before, the limit from the left).
-    #[inline]
+    #[inline(always)]
     fn locate(&self, t: f64, before: bool, cursor: &mut Cursor) -> usize {
         let past = |k: usize| if before { self.times[k] < t } else { self.times[k] <= t };
         let mut k = cursor.0.min(self.times.len() - 1);
@@ -136,7 +136,7 @@ impl Input {
     }
 
     /// Sample index and weight of the next sample at `t`. `before` takes the limit from the left.
-    #[inline]
+    #[inline(always)]
     pub fn weight(&self, t: f64, before: bool, cursor: &mut Cursor) -> (usize, f64) {
         let k = self.locate(t, before, cursor);
         if self.interpolation == Interpolation::Hold || k + 1 >= self.times.len() {
@@ -147,7 +147,7 @@ impl Input {
     }
 
     /// Pressure `channel` at a place that [`Input::weight`] gave.
-    #[inline]
+    #[inline(always)]
     pub fn pressure(&self, (k, w): (usize, f64), channel: usize) -> f64 {
         let n = self.pressure_count;
         let a = self.pressures[k * n + channel];
@@ -156,7 +156,7 @@ impl Input {
 
     /// Pressure `channel` at a time that may differ from lane to lane or carry derivatives: a sum over the pieces it may lie
     /// in.
-    #[inline]
+    #[inline(always)]
     pub fn pressure_at<T: Real>(&self, t: T, channel: usize) -> T {
         let (low, high) = (t.smallest(), t.largest());
         let mut k = self.times.partition_point(|x| *x <= low).max(1) - 1;
@@ -176,7 +176,7 @@ impl Input {
     }
 
     /// The first sample after `t`, where an interpolated input bends; infinity after the last.
-    #[inline]
+    #[inline(always)]
     pub fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64 {
         if self.interpolation == Interpolation::Hold || t < self.times[0] {
             return if t < self.times[0] { self.times[0] } else { f64::INFINITY };
@@ -186,7 +186,7 @@ impl Input {
     }
 
     /// Force `channel` at a place that [`Input::weight`] gave.
-    #[inline]
+    #[inline(always)]
     pub fn force(&self, (k, w): (usize, f64), channel: usize) -> f64 {
         let n = self.force_count;
         let a = self.forces[k * n + channel];
@@ -194,7 +194,7 @@ impl Input {
     }
 
     /// The first time after `t` at which a channel jumps.
-    #[inline]
+    #[inline(always)]
     pub fn next_jump(&self, t: f64) -> f64 {
         let next = self.jumps.partition_point(|jump| *jump <= t);
         self.jumps.get(next).copied().unwrap_or(f64::INFINITY)

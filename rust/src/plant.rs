@@ -2,7 +2,7 @@
 
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
-use crate::dynamics::recursion::ForwardDynamics;
+use crate::dynamics::recursion::forward_dynamics_into;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::History;
@@ -12,7 +12,7 @@ use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::linear::Vec3;
 use crate::pneumatics::{Chambers, LONGEST_STEP};
-use crate::real::Real;
+use crate::real::{Real, kernel};
 use std::sync::Arc;
 
 /// Most lanes of any scalar.
@@ -115,7 +115,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Commands `p` from now on, in place of the inputs' pressures.
-    #[inline]
+    #[inline(always)]
     pub fn hold(&mut self, p: &[T]) {
         self.read.0 = f64::NAN;
         match &mut self.held {
@@ -125,7 +125,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Whether there are external forces.
-    #[inline]
+    #[inline(always)]
     fn has_forces(&self) -> bool {
         self.drives[0].input.has_forces()
     }
@@ -165,7 +165,7 @@ impl<T: Real> Plant<T> {
 
     /// Pressures in the chambers at `t` and lengths `q`, within the last step, into `out`; the commands as they are
     /// without pneumatics.
-    #[inline]
+    #[inline(always)]
     pub fn chamber_pressures_into(&mut self, t: f64, q: &[T], out: &mut [T]) {
         match &mut self.chambers {
             Some(chambers) => chambers.pressures(&self.arm, t, q, out),
@@ -175,7 +175,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Commanded pressures at `t` into `out`.
-    #[inline]
+    #[inline(always)]
     fn commands_into(&mut self, t: f64, before: bool, out: &mut [T]) {
         match &self.held {
             Some(held) => out.copy_from_slice(held),
@@ -184,7 +184,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Reads the inputs at `t` into the work space; `q` are the lengths then.
-    #[inline]
+    #[inline(always)]
     fn read_input(&mut self, t: f64, q: &[T]) {
         let before = t >= self.step_end;
         let again = self.read == (t, before);
@@ -218,7 +218,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Takes the chambers over the step from (`t0`, `x0`) to `t1`.
-    #[inline]
+    #[inline(always)]
     fn begin_chambers(&mut self, t0: f64, t1: f64, x0: &[T]) {
         if self.chambers.is_none() {
             return;
@@ -233,7 +233,7 @@ impl<T: Real> Plant<T> {
     }
 
     /// Notes what comes into the chain over a step: with the lengths moving on evenly, since the chain comes first.
-    #[inline]
+    #[inline(always)]
     fn begin_history(&mut self, t0: f64, t1: f64) {
         let Some(history) = &mut self.history else { return };
         history.begin_step();
@@ -247,7 +247,7 @@ impl<T: Real> Plant<T> {
 }
 
 /// Where each lane's input stands at `t`.
-#[inline]
+#[inline(always)]
 fn places(drives: &mut [Drive], t: f64, before: bool) -> [(usize, f64); MOST_LANES] {
     let mut places = [(0, 0.0); MOST_LANES];
     for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
@@ -257,7 +257,7 @@ fn places(drives: &mut [Drive], t: f64, before: bool) -> [(usize, f64); MOST_LAN
 }
 
 /// The inputs' pressures at `t`.
-#[inline]
+#[inline(always)]
 fn commands<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) {
     let places = places(drives, t, before);
     if let [drive] = drives {
@@ -272,7 +272,7 @@ fn commands<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) 
 }
 
 /// The inputs' forces at `t`.
-#[inline]
+#[inline(always)]
 fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T>]) {
     let places = places(drives, t, before);
     let single = drives.len() == 1;
@@ -288,67 +288,27 @@ fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T
 }
 
 impl<T: Real> System<T> for Plant<T> {
-    #[inline(never)] // one copy: the integrator calls it from several places
+    #[inline(always)]
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
-        self.step_end = t1;
-        if !self.begun {
-            self.begin(t0, x0);
-        }
-        // Pressures of chambers and of the chain belong to the step.
-        if self.chain.is_some() || self.chambers.is_some() {
-            self.read.0 = f64::NAN;
-        }
-        self.begin_chambers(t0, t1, x0);
-        self.begin_history(t0, t1);
-        match (&mut self.chain, &self.history) {
-            (Some(chain), Some(history)) => chain.begin_step(&self.arm, history, t0, t1),
-            (Some(chain), None) => chain.begin_step(&self.arm, &*self.drives[0].input, t0, t1),
-            (None, _) => {}
-        }
-        self.ws.effects.begin_step(&self.arm, t0, x0);
+        T::enter(BeginStep { plant: self, t0, t1, x0 });
     }
 
-    #[inline(never)] // one copy: the integrator calls it from several places
+    #[inline(always)]
     fn end_step(&mut self, t1: f64, x1: &[T]) {
-        self.ws.effects.end_step(&self.arm, t1, x1);
-        match (&mut self.chain, &mut self.history) {
-            (Some(chain), Some(history)) => {
-                chain.end_step(&self.arm, history, t1);
-                history.end_step();
-            }
-            (Some(chain), None) => chain.end_step(&self.arm, &*self.drives[0].input, t1),
-            (None, _) => {}
-        }
-        if let Some(chambers) = &mut self.chambers {
-            chambers.end_step();
-        }
-        if let Some(sensors) = &mut self.sensors {
-            sensors.end_step(t1, x1);
-        }
+        T::enter(EndStep { plant: self, t1, x1 });
     }
 
-    #[inline]
+    #[inline(always)]
+    fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
+        T::enter(Derivative { plant: self, t, x, dx });
+    }
+    #[inline(always)]
     fn output(&mut self, t: f64, x: &[T]) {
         if let Some(chambers) = &mut self.chambers {
             let start = self.chamber_pressures.len();
             self.chamber_pressures.resize(start + self.arm.inputs, T::zero());
             chambers.pressures(&self.arm, t, &x[..x.len() / 2], &mut self.chamber_pressures[start..]);
         }
-    }
-
-    #[inline(never)] // one copy: the integrator calls it from several places
-    fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
-        self.ws.effects.time = t;
-        let n = x.len() / 2;
-        let (q, qd) = x.split_at(n);
-        self.read_input(t, q);
-        let (dq, dqd) = dx.split_at_mut(n);
-        dq.copy_from_slice(qd);
-        let external = std::mem::take(&mut self.ws.external);
-        let f_ext = self.has_forces().then_some(external.as_slice());
-        let (arm, p, ws) = (&self.arm, self.pressures.as_slice(), &mut self.ws);
-        T::enter(ForwardDynamics { arm, q, qd, p, f_ext, ws, qdd: dqd });
-        self.ws.external = external;
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
@@ -373,3 +333,63 @@ impl<T: Real> System<T> for Plant<T> {
         None
     }
 }
+
+impl<T: Real> Plant<T> {
+    #[inline(always)]
+    fn begin_step_here(&mut self, t0: f64, t1: f64, x0: &[T]) {
+        self.step_end = t1;
+        if !self.begun {
+            self.begin(t0, x0);
+        }
+        // Pressures of chambers and of the chain belong to the step.
+        if self.chain.is_some() || self.chambers.is_some() {
+            self.read.0 = f64::NAN;
+        }
+        self.begin_chambers(t0, t1, x0);
+        self.begin_history(t0, t1);
+        match (&mut self.chain, &self.history) {
+            (Some(chain), Some(history)) => chain.begin_step(&self.arm, history, t0, t1),
+            (Some(chain), None) => chain.begin_step(&self.arm, &*self.drives[0].input, t0, t1),
+            (None, _) => {}
+        }
+        self.ws.effects.begin_step(&self.arm, t0, x0);
+    }
+
+    #[inline(always)]
+    fn end_step_here(&mut self, t1: f64, x1: &[T]) {
+        self.ws.effects.end_step(&self.arm, t1, x1);
+        match (&mut self.chain, &mut self.history) {
+            (Some(chain), Some(history)) => {
+                chain.end_step(&self.arm, history, t1);
+                history.end_step();
+            }
+            (Some(chain), None) => chain.end_step(&self.arm, &*self.drives[0].input, t1),
+            (None, _) => {}
+        }
+        if let Some(chambers) = &mut self.chambers {
+            chambers.end_step();
+        }
+        if let Some(sensors) = &mut self.sensors {
+            sensors.end_step(t1, x1);
+        }
+    }
+
+    #[inline(always)]
+    fn derivative_here(&mut self, t: f64, x: &[T], dx: &mut [T]) {
+        self.ws.effects.time = t;
+        let n = x.len() / 2;
+        let (q, qd) = x.split_at(n);
+        self.read_input(t, q);
+        let (dq, dqd) = dx.split_at_mut(n);
+        dq.copy_from_slice(qd);
+        let external = std::mem::take(&mut self.ws.external);
+        let f_ext = self.has_forces().then_some(external.as_slice());
+        let (arm, p, ws) = (&self.arm, self.pressures.as_slice(), &mut self.ws);
+        forward_dynamics_into(arm, q, qd, p, f_ext, ws, dqd);
+        self.ws.external = external;
+    }
+}
+
+kernel!(BeginStep<'a, T> { plant: &'a mut Plant<T>, t0: f64, t1: f64, x0: &'a [T] } => plant.begin_step_here(t0, t1, x0));
+kernel!(EndStep<'a, T> { plant: &'a mut Plant<T>, t1: f64, x1: &'a [T] } => plant.end_step_here(t1, x1));
+kernel!(Derivative<'a, T> { plant: &'a mut Plant<T>, t: f64, x: &'a [T], dx: &'a mut [T] } => plant.derivative_here(t, x, dx));

@@ -153,7 +153,7 @@ struct Run<'a, const N: usize, T> {
 
 impl<const N: usize, T: Real> Kernel for Run<'_, N, T> {
     type Output = Result<()>;
-    #[inline]
+    #[inline(always)]
     fn run(self) -> Result<()> {
         let Self { mut integrator, mut plant, times, values, derivatives, stop } = self;
         let size = integrator.state().len();

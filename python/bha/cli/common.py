@@ -13,6 +13,7 @@ from typing import Any, NoReturn, ParamSpec, TypeVar
 import click
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     Progress,
@@ -23,6 +24,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.table import Table
 from rich.text import Text
 
 from bha import robots
@@ -76,6 +78,11 @@ def reports_errors(command: Callable[P, R]) -> Callable[P, R]:
 def console() -> Console:
     """Where tables go."""
     return Console()
+
+
+def table(*headings: str, title: str | None = None) -> Table:
+    """A table whose headings keep their units: Rich takes ``[mm]`` for markup."""
+    return Table(*map(escape, headings), title=None if title is None else escape(title))
 
 
 class RateColumn(ProgressColumn):

@@ -7,10 +7,9 @@ from typing import Any
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, reports_errors
+from bha.cli.common import arm_argument, console, json_option, print_json, reports_errors, table
 from bha.errors import ConvergenceError
 from bha.parameters import ArmParameters, StatedValue
 
@@ -33,12 +32,12 @@ def info(arm: Arm, as_json: bool) -> None:
         f"rotational energy {_word(facts['rotational_energy'])}, Coriolis forces {_word(facts['coriolis_forces'])}",
         highlight=False,
     )
-    table = Table("Section", "Key", "Value", "Where it comes from")
+    values = table("Section", "Key", "Value", "Where it comes from")
     for row in facts["values"]:
-        table.add_row(row["place"], row["key"], row["text"], row["status"])
-    out.print(table)
+        values.add_row(row["place"], row["key"], row["text"], row["status"])
+    out.print(values)
     if facts["rest_lengths"] is not None:
-        rest = Table("Section", "Lengths at ambient pressure [mm]", "Head [mm]")
+        rest = table("Section", "Lengths at ambient pressure [mm]", "Head [mm]")
         for i, (lengths, head) in enumerate(zip(facts["rest_lengths"], facts["rest_heads"], strict=True)):
             rest.add_row(str(i + 1), _millimetres(lengths), _millimetres(head))
         out.print(rest)

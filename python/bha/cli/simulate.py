@@ -9,10 +9,9 @@ from typing import Any
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors
+from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
 from bha.log import Log
 from bha.simulation import CHUNK_ROWS, Input, Interpolation, Method, Options, Simulation, concatenate, output_times
 from bha.trajectory import Trajectory, TrajectoryWriter
@@ -97,9 +96,9 @@ class HeadErrors:
         """Compare with the head positions of ``log``, linear between its samples."""
         assert log.head_positions is not None
         self._time, self._measured = log.time, log.head_positions
-        self.count = 0
         heads = self._measured.shape[1]
-        self._squares, self.greatest = np.zeros((heads, 3)), np.zeros((heads, 3))
+        self._squares, self._counts = np.zeros((heads, 3)), np.zeros((heads, 3))
+        self.greatest = np.full((heads, 3), np.nan)
 
     def of(self, piece: Trajectory) -> NDArray[np.float64]:
         """Errors (m, heads, 3), m; positions where the log measured none are NaN."""
@@ -113,15 +112,15 @@ class HeadErrors:
     def add(self, piece: Trajectory) -> None:
         """Take a piece into account."""
         errors = self.of(piece)
-        self.count += len(piece)
+        self._counts += np.isfinite(errors).sum(axis=0)
         self._squares += np.nansum(errors**2, axis=0)
-        if len(piece):
-            self.greatest = np.fmax(self.greatest, np.nanmax(np.abs(errors), axis=0))
+        self.greatest = np.fmax(self.greatest, np.fmax.reduce(np.abs(errors), axis=0, initial=np.nan))
 
     @property
     def root_mean_square(self) -> NDArray[np.float64]:
-        """RMS error (heads, 3), m."""
-        return np.asarray(np.sqrt(self._squares / max(self.count, 1)))
+        """RMS error (heads, 3), m; NaN where nothing was measured."""
+        counts = np.where(self._counts > 0, self._counts, np.nan)
+        return np.asarray(np.sqrt(self._squares / counts))
 
 
 def _figures(arm: Arm, shown: Trajectory, errors: HeadErrors | None, beside: Path) -> list[Path]:
@@ -167,10 +166,10 @@ def _report(
         highlight=False,
     )
     if errors is not None:
-        table = Table("Head", "x", "y", "z", "distance", title="Error, simulated minus measured, RMS [mm]")
+        errors_table = table("Head", "x", "y", "z", "distance", title="Error, simulated minus measured, RMS [mm]")
         for head, row in enumerate(errors.root_mean_square):
             cells = [f"{1e3 * value:.2f}" for value in (*row, np.linalg.norm(row))]
-            table.add_row(str(head + 1), *cells)
-        out.print(table)
+            errors_table.add_row(str(head + 1), *cells)
+        out.print(errors_table)
     if written:
         out.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.table import Table
 
-from bha.cli.common import INTERRUPTED, console, json_option, print_json, progress_bar, reports_errors
+from bha.cli.common import INTERRUPTED, console, json_option, print_json, progress_bar, reports_errors, table
 from bha.errors import InputError
 from bha.sweep import Summary, run, summarize
 
@@ -61,14 +60,12 @@ def _interrupted(folder: Path) -> None:
 
 def _print(found: Summary) -> None:
     out = console()
-    table = Table()
-    table.add_column("Metric", no_wrap=True)
-    for heading in ("Mean", "Deviation", "Least", "Greatest", "Unit", "Runs"):
-        table.add_column(heading)
+    shown = table("Metric", "Mean", "Deviation", "Least", "Greatest", "Unit", "Runs")
+    shown.columns[0].no_wrap = True
     for name, (unit, moments) in found.metrics.items():
         numbers = (moments.mean, moments.standard_deviation, moments.low, moments.high)
-        table.add_row(name, *(f"{number:.4g}" for number in numbers), unit, str(moments.count))
-    out.print(table)
+        shown.add_row(name, *(f"{number:.4g}" for number in numbers), unit, str(moments.count))
+    out.print(shown)
     counts = ", ".join(f"{count} {status}" for status, count in found.statuses.items() if count)
     out.print(f"{found.done} of {found.runs} runs: {counts}", highlight=False)
     out.print(f"{found.finished} partitions in {found.folder}", highlight=False, markup=False)

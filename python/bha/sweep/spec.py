@@ -9,7 +9,7 @@ import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
@@ -121,7 +121,8 @@ class SimulationTable(Table):
     max_steps: Count = key("a whole number >= 1: a run that needs more steps has diverged", default=1_000_000)
     interpolation: Interpolation = key('"linear" or "hold"', default="linear")
     instruction_set: InstructionSet | None = key(
-        '"scalar", "plain", "neon", "avx2" or "avx512"; left out: the widest one of the computer that starts the sweep',
+        ", ".join(f'"{name}"' for name in get_args(InstructionSet))
+        + "; left out: the widest one of the computer that starts the sweep",
         default=None,
     )
 

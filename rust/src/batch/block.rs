@@ -155,7 +155,7 @@ struct Run<'a, 'm, 's, T> {
 impl<T: Real> Kernel for Run<'_, '_, '_, T> {
     type Output = ();
 
-    #[inline]
+    #[inline(always)]
     fn run(self) {
         let Self { mut integrator, mut system, arm, mut links, times, members, measured, stop } = self;
         let n = arm.coordinates();
@@ -235,7 +235,7 @@ struct Parking<T> {
 }
 
 impl<T: Real> Parking<T> {
-    #[inline]
+    #[inline(always)]
     fn park(&self, x: &mut [T]) {
         for (x, parked) in x.iter_mut().zip(&self.parked) {
             *x = T::from_lanes(|k| {
@@ -265,22 +265,22 @@ impl<T: Real> Parking<T> {
 }
 
 impl<T: Real> System<T> for Parking<T> {
-    #[inline]
+    #[inline(always)]
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
         self.plant.begin_step(t0, t1, x0);
     }
-    #[inline]
+    #[inline(always)]
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
         self.plant.derivative(t, x, dx);
     }
-    #[inline]
+    #[inline(always)]
     fn end_step(&mut self, t1: f64, x1: &[T]) {
         self.plant.end_step(t1, x1);
     }
     fn next_break(&mut self, t: f64) -> f64 {
         self.plant.next_break(t)
     }
-    #[inline]
+    #[inline(always)]
     fn inspect(&mut self, t0: f64, x1: &mut [T]) -> Option<String> {
         if self.any {
             self.park(x1);

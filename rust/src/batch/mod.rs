@@ -244,7 +244,7 @@ impl Batch<'_> {
 
 impl Slot<'_> {
     /// Writes one row: of the state's `n` lengths and `n` rates, and of the heads' coordinates.
-    #[inline]
+    #[inline(always)]
     fn write(&mut self, row: usize, n: usize, state: impl Fn(usize) -> f64, head: impl Fn(usize) -> f64) {
         for (j, to) in self.lengths[row * n..(row + 1) * n].iter_mut().enumerate() {
             *to = state(j);

@@ -14,7 +14,6 @@ use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::error::{Error, Result};
-use crate::parameters::PneumaticsLevel;
 use nalgebra::DMatrix;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -190,7 +189,7 @@ impl Observer {
         let (m, h) = (self.previous.len(), self.period);
         self.ws.effects.begin_step(&self.arm, self.time, &self.estimate[..2 * m]);
         // An ideal pressure stood at its present value all the period; a real one moved there from the last.
-        let ideal = self.arm.pneumatics.as_ref().is_none_or(|p| p.level == PneumaticsLevel::Ideal);
+        let ideal = self.arm.pneumatics.is_none();
         for (mean, p) in self.pressures.iter_mut().zip(pressures) {
             *mean = if ideal { *p } else { 0.5 * (*mean + p) };
         }

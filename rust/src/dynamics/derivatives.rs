@@ -6,7 +6,7 @@
 //! Limits: those of the model; at kinks of one-sided laws the derivative of the side that is taken.
 
 use super::Workspace;
-use super::recursion::ForwardDynamics;
+use super::recursion::forward_dynamics_into;
 use crate::abreast::with_tangents;
 use crate::arm::Arm;
 use crate::effects;
@@ -108,7 +108,7 @@ impl<const N: usize, T: Real> Lifted<N, T> {
         self.acting.copy_from_slice(p);
         effects::pressures::at_rest(arm, &mut self.acting);
         let (p, f_ext) = (self.acting.as_slice(), forces.then_some(self.forces.as_slice()));
-        T::enter(ForwardDynamics { arm, q, qd, p, f_ext, ws: &mut self.ws, qdd: &mut self.qdd });
+        forward_dynamics_into(arm, q, qd, p, f_ext, &mut self.ws, &mut self.qdd);
     }
 
     /// Rows of the block's first `count` directions.

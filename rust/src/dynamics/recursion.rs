@@ -14,7 +14,7 @@ use crate::forces::{ForceSet, Load, Wrench, accumulate, on_joint};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
 use crate::linear::{Mat3, Sym3, Vec3};
-use crate::real::{Kernel, Real};
+use crate::real::{Real, kernel};
 
 /// A spatial inertia about O: [[rotational, coupling], [coupling^T, translational]].
 #[derive(Clone, Copy, Debug)]
@@ -25,13 +25,13 @@ pub(crate) struct Inertia<T> {
 }
 
 impl<T: Real> Inertia<T> {
-    #[inline]
+    #[inline(always)]
     pub fn zero() -> Self {
         Self { rotational: Sym3::zero(), coupling: Mat3::zero(), translational: Sym3::zero() }
     }
 
     /// Inertia of a body; `rotational` is its own tensor about the centre of mass in the base frame.
-    #[inline]
+    #[inline(always)]
     pub fn of_body(section: &Section<T>, link: &Link<T>, rotational: &Sym3<T>) -> Self {
         let (m, o) = (section.mass, T::zero());
         Self {
@@ -41,7 +41,7 @@ impl<T: Real> Inertia<T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     pub fn add(&self, other: &Self) -> Self {
         Self {
             rotational: self.rotational.add(&other.rotational),
@@ -51,7 +51,7 @@ impl<T: Real> Inertia<T> {
     }
 
     /// Momentum (or force) of a motion (angular, linear at O).
-    #[inline]
+    #[inline(always)]
     pub fn mul(&self, angular: Vec3<T>, linear: Vec3<T>) -> (Vec3<T>, Vec3<T>) {
         (
             self.rotational.mul_vec(angular) + self.coupling.mul_vec(linear),
@@ -72,14 +72,14 @@ pub(crate) struct Joint<T> {
 }
 
 impl<T: Real> Joint<T> {
-    #[inline]
+    #[inline(always)]
     pub fn zero() -> Self {
         Self { u: [(Vec3::zero(), Vec3::zero()); 3], inverse: Sym3::zero(), force: Vec3::zero() }
     }
 }
 
 /// The section's own inertia tensor in the base frame; zero where the arm leaves rotational energy out.
-#[inline]
+#[inline(always)]
 pub(crate) fn body_tensor<T: Real>(arm: &Arm<T>, section: &Section<T>, link: &Link<T>) -> Sym3<T> {
     if !arm.rotational_energy {
         return Sym3::zero();
@@ -92,7 +92,7 @@ pub(crate) fn body_tensor<T: Real>(arm: &Arm<T>, section: &Section<T>, link: &Li
 }
 
 /// Inertia forces of a body's motion as a wrench: what must act on it for it to move so.
-#[inline]
+#[inline(always)]
 fn inertia_wrench<T: Real>(section: &Section<T>, link: &Link<T>, tensor: &Sym3<T>) -> Wrench<T> {
     let (omega, alpha) = (link.angular_velocity, link.angular_acceleration);
     let arm = link.center - link.position;
@@ -106,7 +106,7 @@ fn inertia_wrench<T: Real>(section: &Section<T>, link: &Link<T>, tensor: &Sym3<T
 ///
 /// `q`, `qd`, `qdd`: three a section; `p`: one an input, Pa absolute; `f_ext`: force at each section's centre of mass in
 /// the base frame, N.
-#[inline]
+#[inline(always)]
 pub fn forward_dynamics_into<T: Real>(
     arm: &Arm<T>,
     q: &[T],
@@ -121,34 +121,8 @@ pub fn forward_dynamics_into<T: Real>(
     solve(arm, ws, qdd);
 }
 
-/// [`forward_dynamics_into`] as a kernel: compiled once for each scalar, for its instruction set.
-pub struct ForwardDynamics<'a, T> {
-    /// The arm.
-    pub arm: &'a Arm<T>,
-    /// Lengths.
-    pub q: &'a [T],
-    /// Their rates.
-    pub qd: &'a [T],
-    /// Pressures.
-    pub p: &'a [T],
-    /// External forces.
-    pub f_ext: Option<&'a [Vec3<T>]>,
-    /// Work space.
-    pub ws: &'a mut Workspace<T>,
-    /// Where q'' goes.
-    pub qdd: &'a mut [T],
-}
-
-impl<T: Real> Kernel for ForwardDynamics<'_, T> {
-    type Output = ();
-    #[inline]
-    fn run(self) {
-        forward_dynamics_into(self.arm, self.q, self.qd, self.p, self.f_ext, self.ws, self.qdd);
-    }
-}
-
 /// The kinematics that forces and velocity products need.
-#[inline]
+#[inline(always)]
 fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
     // Effects may act on the velocities of heads, whether or not Coriolis forces count.
     let without = if arm.effects.list.is_empty() { Motion::Pose } else { Motion::Velocity };
@@ -160,7 +134,7 @@ fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) 
 }
 
 /// Rates of (u, v, l) alone, for damping where velocities are left out of the rest.
-#[inline]
+#[inline(always)]
 fn joint_rates<T: Real>(arm: &Arm<T>, qd: &[T], links: &mut [Link<T>]) {
     for (i, (section, link)) in arm.sections.iter().zip(links).enumerate() {
         link.rate = arc_from_lengths(Vec3([qd[3 * i], qd[3 * i + 1], qd[3 * i + 2]]), section.inverse_radius);
@@ -168,8 +142,15 @@ fn joint_rates<T: Real>(arm: &Arm<T>, qd: &[T], links: &mut [Link<T>]) {
 }
 
 /// Joint accelerations from the loads and the velocity products in `ws`.
-#[inline]
+#[inline(always)]
 pub(crate) fn solve<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T]) {
+    T::enter(Solve { arm, ws, qdd });
+}
+
+kernel!(Solve<'a, T> { arm: &'a Arm<T>, ws: &'a mut Workspace<T>, qdd: &'a mut [T] } => sweep(arm, ws, qdd));
+
+#[inline(always)]
+fn sweep<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T]) {
     let Workspace { links, loads, joints, .. } = ws;
     let (links, loads, joints) = (links.as_slice(), loads.as_slice(), joints.as_mut_slice());
     let mut inertia = Inertia::zero();
@@ -204,7 +185,7 @@ pub(crate) fn solve<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T])
 }
 
 /// I^A S, (S^T I^A S)^-1 and the joint's remaining force.
-#[inline]
+#[inline(always)]
 fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load: &Load<T>) -> Joint<T> {
     let s = &link.subspace;
     let along_l = s.linear[2];
@@ -220,19 +201,19 @@ fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load:
 }
 
 /// u[0] k[0] + u[1] k[1] + u[2] k[2].
-#[inline]
+#[inline(always)]
 fn mix<T: Real>(u: &[(Vec3<T>, Vec3<T>); 3], k: [T; 3]) -> (Vec3<T>, Vec3<T>) {
     (u[0].0.combined(k, u[1].0, u[2].0), u[0].1.combined(k, u[1].1, u[2].1))
 }
 
 /// The scalar product of a motion (angular, linear) and a force.
-#[inline]
+#[inline(always)]
 fn power<T: Real>(angular: Vec3<T>, linear: Vec3<T>, force: &(Vec3<T>, Vec3<T>)) -> T {
     angular.dot(force.0) + linear.dot(force.1)
 }
 
 /// What the body below feels of the inertia and the bias above its joint.
-#[inline]
+#[inline(always)]
 fn hand_down<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, joint: &Joint<T>) -> (Inertia<T>, Wrench<T>) {
     let [xx, xy, xz, yy, yz, zz] = joint.inverse.0;
     let u = &joint.u;
@@ -253,7 +234,7 @@ fn hand_down<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, joint: &Joint<T>) 
 }
 
 /// The actuation force tau needed for the acceleration `qdd`: M q'' + C q' + N, into `tau`.
-#[inline]
+#[inline(always)]
 pub fn inverse_dynamics_into<T: Real>(
     arm: &Arm<T>,
     q: &[T],

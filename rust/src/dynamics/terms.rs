@@ -15,7 +15,7 @@ use crate::linear::{Mat3, Vec3};
 use crate::real::Real;
 
 /// S^T (angular, linear) for the three columns of a subspace.
-#[inline]
+#[inline(always)]
 fn transposed<T: Real>(s: &Subspace<T>, (torque, force): (Vec3<T>, Vec3<T>)) -> Vec3<T> {
     Vec3([
         s.angular[0].dot(torque) + s.linear[0].dot(force),
@@ -25,7 +25,7 @@ fn transposed<T: Real>(s: &Subspace<T>, (torque, force): (Vec3<T>, Vec3<T>)) -> 
 }
 
 /// Column `k` of a subspace.
-#[inline]
+#[inline(always)]
 fn column<T: Real>(s: &Subspace<T>, k: usize) -> (Vec3<T>, Vec3<T>) {
     (if k < 2 { s.angular[k] } else { Vec3::zero() }, s.linear[k])
 }

@@ -6,7 +6,7 @@ use crate::real::Real;
 ///
 /// For small x the recursion cancels; there the series of phi_3 is used and the recursion run downward.
 /// Source: Hochbruck & Ostermann, Acta Numerica 19 (2010) 209-286, (2.10).
-#[inline]
+#[inline(always)]
 pub fn phi<T: Real>(x: T) -> [T; 4] {
     let one = T::one();
     // Downward from the series, exact to 1e-15 for x <= 1/2.

@@ -58,7 +58,7 @@ const FUNCTIONS: &str = "abs, exp, max, min, pow, sign, sqrt, tanh";
 
 impl Unary {
     /// Its value.
-    #[inline]
+    #[inline(always)]
     pub fn apply<T: Real>(self, x: T) -> T {
         match self {
             Self::Negate => -x,
@@ -73,7 +73,7 @@ impl Unary {
 
 impl Binary {
     /// Its value.
-    #[inline]
+    #[inline(always)]
     pub fn apply<T: Real>(self, a: T, b: T) -> T {
         match self {
             Self::Add => a + b,

@@ -151,7 +151,7 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     fn change_arm(&self, _arm: &mut Arm<T>) {}
 
     /// Whether its force belongs to tau, since it depends on pressure, and not to N.
-    #[inline]
+    #[inline(always)]
     fn is_actuation(&self) -> bool {
         false
     }
@@ -162,11 +162,11 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     }
 
     /// Adds its forces at an instant; `hidden` are its states at the step's start.
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, _now: &mut Instant<'_, T>, _hidden: &[T]) {}
 
     /// Takes its hidden states from the step's start to an instant.
-    #[inline]
+    #[inline(always)]
     fn advance(&self, _now: &Instant<'_, T>, _hidden: &mut [T]) {}
 
     /// Whether it acts on pressures.
@@ -176,11 +176,11 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
 
     /// Turns what comes in into what goes out, in place: `p` holds one pressure an input. Over `elapsed` seconds what comes
     /// in has gone from `from` to `p` in a straight line; `last` went out at the start.
-    #[inline]
+    #[inline(always)]
     fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], _p: &mut [T]) {}
 
     /// What comes out when everything rests at the pressures in `p`, in place.
-    #[inline]
+    #[inline(always)]
     fn pressures_at_rest(&self, _p: &mut [T]) {}
 
     /// By how much it delays an input, s.
@@ -199,7 +199,7 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     }
 
     /// What the sensor of a coordinate makes of a length.
-    #[inline]
+    #[inline(always)]
     fn measure(&self, _coordinate: usize, length: T) -> T {
         length
     }

@@ -8,7 +8,7 @@
 use super::upstream::Upstream;
 use crate::arm::Arm;
 use crate::input::Cursor;
-use crate::real::Real;
+use crate::real::{Real, kernel};
 
 /// The pressures of one run on their way through the chain.
 #[derive(Clone, Debug)]
@@ -72,7 +72,7 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// What comes in at `t`, with its delays, into the first row of `next`.
-    #[inline]
+    #[inline(always)]
     fn read(&mut self, input: &impl Upstream<T>, t: f64) {
         // Within a step the limit from inside belongs to it where a channel jumps at its ends.
         input.read(t, t >= self.end, &mut self.cursor, &mut self.next[..self.inputs]);
@@ -86,7 +86,7 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// A step from `t0` to `t1` begins, or begins again.
-    #[inline]
+    #[inline(always)]
     pub fn begin_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t0: f64, t1: f64) {
         (self.start, self.time, self.end) = (t0, t0, t1);
         // What comes in may have jumped.
@@ -98,21 +98,21 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// The step was accepted.
-    #[inline]
+    #[inline(always)]
     pub fn end_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t1: f64) {
         self.go(arm, input, t1);
         self.start_values.copy_from_slice(&self.values);
     }
 
     /// The pressures that act at `t`, within the step begun last, into `out`.
-    #[inline]
+    #[inline(always)]
     pub fn acting(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64, out: &mut [T]) {
         self.go(arm, input, t);
         out.copy_from_slice(&self.values[self.values.len() - self.inputs..]);
     }
 
     /// To `t`, from sample to sample.
-    #[inline]
+    #[inline(always)]
     fn go(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64) {
         if t < self.time {
             let (start, end) = (self.start, self.end);
@@ -131,8 +131,13 @@ impl<T: Real> PressureChain<T> {
     }
 
     /// All stages over `elapsed` seconds; what comes in ends at the first row of `next`.
-    #[inline]
+    #[inline(always)]
     fn pass(&mut self, arm: &Arm<T>, elapsed: f64) {
+        T::enter(Stages { chain: self, arm, elapsed });
+    }
+
+    #[inline(always)]
+    fn stages(&mut self, arm: &Arm<T>, elapsed: f64) {
         let n = self.inputs;
         for (k, &stage) in self.stages.iter().enumerate() {
             let (before, after) = self.next.split_at_mut(n * (k + 1));
@@ -162,6 +167,8 @@ impl<T: Real> PressureChain<T> {
         first
     }
 }
+
+kernel!(Stages<'a, T> { chain: &'a mut PressureChain<T>, arm: &'a Arm<T>, elapsed: f64 } => chain.stages(arm, elapsed));
 
 /// The pressures that act when everything rests at the logged `p`, in place.
 pub fn at_rest<T: Real>(arm: &Arm<T>, p: &mut [T]) {

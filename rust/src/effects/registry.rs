@@ -107,7 +107,7 @@ macro_rules! hook {
     };
     (# [$($kind:ident)+] $name:ident [$($arg:ident: $type:ty),*] $pass:tt ($($out:ty)?)) => {
         #[doc = concat!("See [`Effect::", stringify!($name), "`].")]
-        #[inline]
+        #[inline(always)]
         pub fn $name(&self, $($arg: $type),*) $(-> $out)? {
             match self {
                 $(Self::$kind(e) => $crate::effects::registry::call!(e $name $pass),)+

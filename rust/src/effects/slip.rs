@@ -7,7 +7,7 @@
 use crate::real::Real;
 
 /// w after a motion by `travel` from `w`; it tends to `limit` times the sign of the motion over distances `reach`.
-#[inline]
+#[inline(always)]
 pub fn slip<T: Real>(w: T, travel: T, limit: T, inverse_reach: T) -> T {
     let end = T::select(travel, limit, -limit);
     end + (w - end) * (-(travel.abs() * inverse_reach)).exp()

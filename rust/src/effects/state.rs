@@ -6,7 +6,7 @@ use crate::forces::{Load, length};
 use crate::kinematics::chain::Link;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::linear::Vec3;
-use crate::real::Real;
+use crate::real::{Real, kernel};
 
 /// One bellows at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +78,7 @@ impl<T: Real> EffectState<T> {
     }
 
     /// A step begins at `t0` with lengths and rates `x0`.
-    #[inline]
+    #[inline(always)]
     pub fn begin_step(&mut self, arm: &Arm<T>, t0: f64, x0: &[T]) {
         self.start = Some(t0);
         if self.hidden.is_empty() {
@@ -91,7 +91,7 @@ impl<T: Real> EffectState<T> {
     }
 
     /// The step was accepted: takes the hidden states to (`t1`, `x1`).
-    #[inline]
+    #[inline(always)]
     pub fn end_step(&mut self, arm: &Arm<T>, t1: f64, x1: &[T]) {
         self.time = t1;
         if self.hidden.is_empty() {
@@ -99,15 +99,21 @@ impl<T: Real> EffectState<T> {
         }
         self.read(arm, x1);
         let elapsed = self.start.map(|t0| t1 - t0);
+        T::enter(Advance { state: self, arm, time: t1, elapsed });
+    }
+
+    /// Takes the hidden states to the instant `time`, `elapsed` seconds after the step's start.
+    #[inline(always)]
+    fn advance(&mut self, arm: &Arm<T>, time: f64, elapsed: Option<f64>) {
         let Self { bellows, bellows_force, hidden, .. } = self;
-        let now = Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time: t1, elapsed };
+        let now = Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time, elapsed };
         for entry in &arm.effects.list {
             entry.kind.advance(&now, &mut hidden[entry.hidden.clone()]);
         }
     }
 
     /// Lengths and rates of all bellows from the state.
-    #[inline]
+    #[inline(always)]
     fn read(&mut self, arm: &Arm<T>, x: &[T]) {
         let n = x.len() / 2;
         let mut all = self.bellows.iter_mut();
@@ -122,16 +128,39 @@ impl<T: Real> EffectState<T> {
     }
 }
 
+kernel!(Advance<'a, T> { state: &'a mut EffectState<T>, arm: &'a Arm<T>, time: f64, elapsed: Option<f64> } => state.advance(arm, time, elapsed));
+
 /// (u, v, l), or their rates, from three entries of the state.
-#[inline]
+#[inline(always)]
 fn three<T: Real>(x: &[T], k: usize, inverse_radius: T) -> Vec3<T> {
     arc_from_lengths(Vec3([x[k], x[k + 1], x[k + 2]]), inverse_radius)
 }
 
 /// Adds the forces of all effects of the wanted sort (`actuation`: those that belong to tau) to `loads` and to the bellows'
 /// extra forces.
-#[inline]
+#[inline(always)]
 pub(crate) fn add_forces<T: Real>(
+    arm: &Arm<T>,
+    (actuation, passive): (bool, bool),
+    p: &[T],
+    links: &[Link<T>],
+    state: &mut EffectState<T>,
+    loads: &mut [Load<T>],
+) {
+    T::enter(AddForces { arm, which: (actuation, passive), p, links, state, loads });
+}
+
+kernel!(AddForces<'a, T> {
+    arm: &'a Arm<T>,
+    which: (bool, bool),
+    p: &'a [T],
+    links: &'a [Link<T>],
+    state: &'a mut EffectState<T>,
+    loads: &'a mut [Load<T>],
+} => sum(arm, which, p, links, state, loads));
+
+#[inline(always)]
+fn sum<T: Real>(
     arm: &Arm<T>,
     (actuation, passive): (bool, bool),
     p: &[T],

@@ -17,18 +17,18 @@ pub trait Upstream<T: Real> {
 }
 
 impl<T: Real> Upstream<T> for Input {
-    #[inline]
+    #[inline(always)]
     fn read(&self, t: f64, before: bool, cursor: &mut Cursor, out: &mut [T]) {
         let place = self.weight(t, before, cursor);
         for (j, p) in out.iter_mut().enumerate() {
             *p = T::from_f64(self.pressure(place, j));
         }
     }
-    #[inline]
+    #[inline(always)]
     fn delayed(&self, t: T, input: usize) -> T {
         self.pressure_at(t, input)
     }
-    #[inline]
+    #[inline(always)]
     fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64 {
         Input::next_sample(self, t, cursor)
     }
@@ -63,14 +63,14 @@ impl<T: Real> History<T> {
     }
 
     /// A step begins, or begins again: what was noted for it before is forgotten.
-    #[inline]
+    #[inline(always)]
     pub fn begin_step(&mut self) {
         self.times.truncate(self.committed);
         self.rows.truncate(self.committed * self.inputs);
     }
 
     /// Notes the pressures at `t`, not before the last.
-    #[inline]
+    #[inline(always)]
     pub fn note(&mut self, t: f64, p: &[T]) {
         self.times.push(t);
         self.rows.extend_from_slice(p);
@@ -90,7 +90,7 @@ impl<T: Real> History<T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn place(&self, t: f64, before: bool) -> (usize, f64) {
         let count =
             if before { self.times.partition_point(|x| *x < t) } else { self.times.partition_point(|x| *x <= t) };
@@ -102,7 +102,7 @@ impl<T: Real> History<T> {
         (k, if t1 > t0 { ((t - t0) / (t1 - t0)).clamp(0.0, 1.0) } else { 0.0 })
     }
 
-    #[inline]
+    #[inline(always)]
     fn value(&self, (k, w): (usize, f64), input: usize) -> T {
         let a = self.rows[k * self.inputs + input];
         if w == 0.0 { a } else { a + (self.rows[(k + 1) * self.inputs + input] - a) * w }
@@ -110,7 +110,7 @@ impl<T: Real> History<T> {
 }
 
 impl<T: Real> Upstream<T> for History<T> {
-    #[inline]
+    #[inline(always)]
     fn read(&self, t: f64, before: bool, _cursor: &mut Cursor, out: &mut [T]) {
         let place = self.place(t, before);
         for (j, p) in out.iter_mut().enumerate() {
@@ -134,7 +134,7 @@ impl<T: Real> Upstream<T> for History<T> {
         }
         out
     }
-    #[inline]
+    #[inline(always)]
     fn next_sample(&self, t: f64, _cursor: &mut Cursor) -> f64 {
         let k = self.times.partition_point(|x| *x <= t);
         self.times.get(k).copied().unwrap_or(f64::INFINITY)

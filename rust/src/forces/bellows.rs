@@ -20,13 +20,13 @@ use crate::real::Real;
 use std::slice::Iter;
 
 /// Length of a bellows at (u, v, l), or its rate at (u', v', l').
-#[inline]
+#[inline(always)]
 pub fn length<T: Real>(b: &Bellows<T>, arc: Vec3<T>) -> T {
     b.y.neg_mul_add(arc.y(), b.x.neg_mul_add(arc.x(), arc.z()))
 }
 
 /// Spring force F_spr, a polynomial in (length - rest_length) without constant term.
-#[inline]
+#[inline(always)]
 fn spring<T: Real>(b: &Bellows<T>, length: T) -> T {
     let e = length - b.rest_length;
     let mut sum = T::zero();
@@ -48,7 +48,7 @@ pub fn spring_energy<T: Real>(b: &Bellows<T>, length: T) -> T {
 
 /// Adds the forces of section `i`'s bellows, beginning with the `extra` one of each, to its own load and the one below.
 #[allow(clippy::too_many_arguments)] // one call
-#[inline]
+#[inline(always)]
 pub(super) fn add<T: Real>(
     arm: &Arm<T>,
     i: usize,
@@ -90,7 +90,7 @@ pub(super) fn add<T: Real>(
 }
 
 /// A torque (head frame, about the head's origin) and a force along the head's z, as a wrench about O.
-#[inline]
+#[inline(always)]
 fn end_wrench<T: Real>(link: &Link<T>, torque: Vec3<T>, along: T) -> Wrench<T> {
     let force = link.rotation.column(2) * along;
     let turned = link.rotation.column(0) * torque.x() + link.rotation.column(1) * torque.y();

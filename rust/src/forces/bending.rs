@@ -8,7 +8,7 @@ use crate::linear::Vec3;
 use crate::real::Real;
 
 /// Generalized force -dU_bend/d(u, v, l).
-#[inline]
+#[inline(always)]
 pub(super) fn on_arc<T: Real>(section: &Section<T>, arc: Vec3<T>) -> Vec3<T> {
     let [u, v, _] = arc.0;
     let [k1, k3] = section.bending_stiffness;

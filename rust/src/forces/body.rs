@@ -7,7 +7,7 @@ use crate::linear::Vec3;
 use crate::real::Real;
 
 /// Weight as a wrench.
-#[inline]
+#[inline(always)]
 pub(super) fn weight<T: Real>(section: &Section<T>, gravity: Vec3<T>, link: &Link<T>) -> Wrench<T> {
     Wrench::at(link.center, gravity * section.mass)
 }

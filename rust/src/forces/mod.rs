@@ -11,7 +11,7 @@ use crate::arm::Arm;
 use crate::effects::{self, EffectState};
 use crate::kinematics::chain::Link;
 use crate::linear::Vec3;
-use crate::real::Real;
+use crate::real::{Real, kernel};
 
 /// A wrench in the base frame.
 #[derive(Clone, Copy, Debug)]
@@ -24,17 +24,17 @@ pub struct Wrench<T> {
 
 impl<T: Real> Wrench<T> {
     /// No wrench.
-    #[inline]
+    #[inline(always)]
     pub fn zero() -> Self {
         Self { torque: Vec3::zero(), force: Vec3::zero() }
     }
     /// A force at a point.
-    #[inline]
+    #[inline(always)]
     pub fn at(point: Vec3<T>, force: Vec3<T>) -> Self {
         Self { torque: point.cross(force), force }
     }
     /// Adds another wrench.
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, other: Self) {
         self.torque += other.torque;
         self.force += other.force;
@@ -52,7 +52,7 @@ pub struct Load<T> {
 
 impl<T: Real> Load<T> {
     /// No load.
-    #[inline]
+    #[inline(always)]
     pub fn zero() -> Self {
         Self { on_arc: Vec3::zero(), on_head: Wrench::zero() }
     }
@@ -106,8 +106,31 @@ impl ForceSet {
 ///
 /// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force point (by default its centre of
 /// mass) in the base frame, N (none: no external force); `state`: work space and hidden states of the effects.
-#[inline]
+#[inline(always)]
 pub fn accumulate<T: Real>(
+    arm: &Arm<T>,
+    set: ForceSet,
+    p: &[T],
+    f_ext: Option<&[Vec3<T>]>,
+    links: &[Link<T>],
+    state: &mut EffectState<T>,
+    loads: &mut [Load<T>],
+) {
+    T::enter(Accumulate { arm, set, p, f_ext, links, state, loads });
+}
+
+kernel!(Accumulate<'a, T> {
+    arm: &'a Arm<T>,
+    set: ForceSet,
+    p: &'a [T],
+    f_ext: Option<&'a [Vec3<T>]>,
+    links: &'a [Link<T>],
+    state: &'a mut EffectState<T>,
+    loads: &'a mut [Load<T>],
+} => sum(arm, set, p, f_ext, links, state, loads));
+
+#[inline(always)]
+fn sum<T: Real>(
     arm: &Arm<T>,
     set: ForceSet,
     p: &[T],
@@ -140,7 +163,7 @@ pub fn accumulate<T: Real>(
 
 /// Generalized forces on (u, v, l) of each section from `loads`: what acts on the arc itself and, by virtual work, the
 /// wrenches on this head and all heads above. Works in place on a copy of the running sum only.
-#[inline]
+#[inline(always)]
 pub fn project<T: Real>(links: &[Link<T>], loads: &[Load<T>], mut each: impl FnMut(usize, Vec3<T>)) {
     let mut above = Wrench::zero();
     for i in (0..links.len()).rev() {
@@ -150,7 +173,7 @@ pub fn project<T: Real>(links: &[Link<T>], loads: &[Load<T>], mut each: impl FnM
 }
 
 /// The generalized force of a wrench on one section's (u, v, l), paper (17).
-#[inline]
+#[inline(always)]
 pub fn on_joint<T: Real>(link: &Link<T>, w: &Wrench<T>) -> Vec3<T> {
     let s = &link.subspace;
     Vec3([

@@ -30,7 +30,7 @@ impl<T: Real> Implicit<T> {
     ///
     /// Without pivoting: the matrix is similar to M + gamma h D + (gamma h)^2 K for the arm's inertia, damping and stiffness,
     /// and lanes could not choose different pivots. A zero pivot shows as a state that is not finite.
-    #[inline]
+    #[inline(always)]
     pub(super) fn factor<S: System<T>>(&mut self, system: &mut S, t: f64, x: &[T], f: &[T], gamma_h: f64) {
         let n = self.n;
         for j in 0..n {
@@ -56,7 +56,7 @@ impl<T: Real> Implicit<T> {
     }
 
     /// Solves in place with the matrix factored last.
-    #[inline]
+    #[inline(always)]
     pub(super) fn solve(&self, r: &mut [T]) {
         let n = self.n;
         for i in 0..n {

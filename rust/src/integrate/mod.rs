@@ -32,7 +32,7 @@ pub trait System<T: Real> {
     }
     /// Looks at the state `x1` in which a step from `t0` ended, before it is taken over; why it cannot be gone on from, if
     /// so. A system of several lanes may put something else in the place of single lanes.
-    #[inline]
+    #[inline(always)]
     fn inspect(&mut self, _t0: f64, x1: &mut [T]) -> Option<String> {
         if !x1.iter().all(|x| x.is_finite()) {
             return Some(NOT_FINITE.to_owned());

@@ -143,7 +143,7 @@ impl<T: Real> Integrator<T> {
     /// # Errors
     /// [`Error::Simulation`] with the time of the last good state; everything handed to `sink` before stays valid.
     /// [`Error::Interrupted`] if `stop` said so.
-    #[inline]
+    #[inline(always)]
     pub fn run<S: System<T>>(
         &mut self,
         system: &mut S,
@@ -184,7 +184,7 @@ impl<T: Real> Integrator<T> {
     }
 
     /// All stages from `k[0]` and the new state into `stage`.
-    #[inline]
+    #[inline(always)]
     fn stages<S: System<T>>(&mut self, system: &mut S, h: f64) {
         if !self.fresh {
             system.derivative(self.t, &self.x, &mut self.k[0]);
@@ -216,7 +216,7 @@ impl<T: Real> Integrator<T> {
     }
 
     /// `stage = x + h sum_i weights_i k_i`.
-    #[inline]
+    #[inline(always)]
     fn combine(&mut self, weights: &[f64], h: f64) {
         self.stage.copy_from_slice(&self.x);
         for (w, k) in weights.iter().zip(&self.k) {
@@ -229,7 +229,7 @@ impl<T: Real> Integrator<T> {
     }
 
     /// Takes over the new state in `stage` unless it cannot be gone on from.
-    #[inline]
+    #[inline(always)]
     fn accept<S: System<T>>(&mut self, system: &mut S, t1: f64) -> Result<()> {
         if let Some(reason) = system.inspect(self.t, &mut self.stage) {
             return Err(self.failure(reason));
@@ -243,7 +243,7 @@ impl<T: Real> Integrator<T> {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn fixed_step<S: System<T>>(&mut self, system: &mut S, wanted: f64) -> Result<()> {
         let target = wanted.min(system.next_break(self.t));
         let left = target - self.t;
@@ -256,7 +256,7 @@ impl<T: Real> Integrator<T> {
         self.accept(system, t1)
     }
 
-    #[inline]
+    #[inline(always)]
     fn adaptive_step<S: System<T>>(&mut self, system: &mut S) -> Result<()> {
         let limit = system.next_break(self.t);
         if self.h == 0.0 {
@@ -305,7 +305,7 @@ impl<T: Real> Integrator<T> {
     }
 
     /// RMS of the error estimate over the tolerance.
-    #[inline]
+    #[inline(always)]
     fn error_norm(&self, h: f64) -> f64 {
         let mut sum = 0.0;
         for j in 0..self.x.len() {
@@ -351,7 +351,7 @@ impl<T: Real> Integrator<T> {
     }
 
     /// State within the last step, into `output`.
-    #[inline]
+    #[inline(always)]
     fn interpolate(&mut self, t: f64) {
         let h = self.t - self.t_before;
         let theta = (t - self.t_before) / h;

@@ -46,7 +46,7 @@ const C5: [f64; TERMS] = series(5);
 const C6: [f64; TERMS] = series(6);
 
 /// A polynomial as two interleaved Horner chains, half the latency of one.
-#[inline]
+#[inline(always)]
 fn polynomial<T: Real>(c: &[f64; TERMS], x: T, xx: T) -> T {
     let mut even = T::from_f64(c[TERMS - 2]);
     let mut odd = T::from_f64(c[TERMS - 1]);
@@ -60,14 +60,14 @@ fn polynomial<T: Real>(c: &[f64; TERMS], x: T, xx: T) -> T {
 }
 
 /// c_k = 1/k! - x c_{k+2}.
-#[inline]
+#[inline(always)]
 fn down<T: Real>(inverse_factorial: f64, x: T, next: T) -> T {
     x.neg_mul_add(next, T::from_f64(inverse_factorial))
 }
 
 impl<T: Real> ArcFunctions<T> {
     /// The functions at `s = psi^2`: series at s/4, then the angle doubled.
-    #[inline]
+    #[inline(always)]
     pub fn new(s: T) -> Self {
         let x = s * 0.25;
         let xx = x * x;
@@ -91,47 +91,47 @@ impl<T: Real> ArcFunctions<T> {
     }
 
     /// cos psi.
-    #[inline]
+    #[inline(always)]
     pub fn cos(&self) -> T {
         self.c[0]
     }
     /// a = sin psi / psi.
-    #[inline]
+    #[inline(always)]
     pub fn a(&self) -> T {
         self.c[1]
     }
     /// b = (1 - cos psi) / psi^2.
-    #[inline]
+    #[inline(always)]
     pub fn b(&self) -> T {
         self.c[2]
     }
     /// d = (psi - sin psi) / psi^3.
-    #[inline]
+    #[inline(always)]
     pub fn d(&self) -> T {
         self.c[3]
     }
     /// da/ds.
-    #[inline]
+    #[inline(always)]
     pub fn a_s(&self) -> T {
         (self.c[3] - self.c[2]) * 0.5
     }
     /// db/ds.
-    #[inline]
+    #[inline(always)]
     pub fn b_s(&self) -> T {
         self.c[4] - self.c[3] * 0.5
     }
     /// dd/ds.
-    #[inline]
+    #[inline(always)]
     pub fn d_s(&self) -> T {
         (self.c[5] * 3.0 - self.c[4]) * 0.5
     }
     /// d2a/ds2.
-    #[inline]
+    #[inline(always)]
     pub fn a_ss(&self) -> T {
         ((self.c[5] - self.c[4]) * 3.0 + self.c[3]) * 0.25
     }
     /// d2b/ds2.
-    #[inline]
+    #[inline(always)]
     pub fn b_ss(&self) -> T {
         (self.c[6] * 8.0 - self.c[5] * 5.0 + self.c[4]) * 0.25
     }

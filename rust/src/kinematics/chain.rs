@@ -10,7 +10,7 @@ use super::coordinates::arc_from_lengths;
 use super::section::{Bent, Subspace};
 use crate::arm::Arm;
 use crate::linear::{Mat3, Vec3};
-use crate::real::Real;
+use crate::real::{Real, kernel};
 
 /// What is known of one section and its head body, in the base frame.
 #[derive(Clone, Copy, Debug)]
@@ -39,7 +39,7 @@ pub struct Link<T> {
 
 impl<T: Real> Link<T> {
     /// A body at rest at the base.
-    #[inline]
+    #[inline(always)]
     pub fn base() -> Self {
         let o = Vec3::zero();
         Self {
@@ -57,7 +57,7 @@ impl<T: Real> Link<T> {
     }
 
     /// Velocity of the centre of mass, m/s.
-    #[inline]
+    #[inline(always)]
     pub fn center_velocity(&self) -> Vec3<T> {
         self.velocity + self.angular_velocity.cross(self.center - self.position)
     }
@@ -75,7 +75,7 @@ pub enum Motion {
 }
 
 /// One step up the chain: the body above `below`.
-#[inline]
+#[inline(always)]
 pub fn step<T: Real>(
     below: &Link<T>,
     bent: &Bent<T>,
@@ -125,8 +125,15 @@ pub fn step<T: Real>(
 }
 
 /// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
-#[inline]
+#[inline(always)]
 pub fn pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mut [Link<T>]) {
+    T::enter(Pass { arm, q, qd, motion, links });
+}
+
+kernel!(Pass<'a, T> { arm: &'a Arm<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>] } => walk(arm, q, qd, motion, links));
+
+#[inline(always)]
+fn walk<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mut [Link<T>]) {
     let mut below = Link::base();
     for (i, (section, link)) in arm.sections.iter().zip(links.iter_mut()).enumerate() {
         let lengths = Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]);

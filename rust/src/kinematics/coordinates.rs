@@ -13,7 +13,7 @@ const INVERSE_SQRT3: f64 = 0.577_350_269_189_625_8;
 const THIRD: f64 = 1.0 / 3.0;
 
 /// (u, v, l) from the three lengths on the radius whose inverse is given.
-#[inline]
+#[inline(always)]
 pub fn arc_from_lengths<T: Real>(q: Vec3<T>, inverse_radius: T) -> Vec3<T> {
     let [q1, q2, q3] = q.0;
     Vec3([
@@ -24,7 +24,7 @@ pub fn arc_from_lengths<T: Real>(q: Vec3<T>, inverse_radius: T) -> Vec3<T> {
 }
 
 /// The three lengths from (u, v, l).
-#[inline]
+#[inline(always)]
 pub fn lengths_from_arc<T: Real>(arc: Vec3<T>, radius: T) -> Vec3<T> {
     let [u, v, l] = arc.0;
     let (ru, rv) = (u * radius, v * radius);
@@ -33,7 +33,7 @@ pub fn lengths_from_arc<T: Real>(arc: Vec3<T>, radius: T) -> Vec3<T> {
 }
 
 /// Generalized forces on the lengths from those on (u, v, l).
-#[inline]
+#[inline(always)]
 pub fn force_on_lengths<T: Real>(force: Vec3<T>, inverse_radius: T) -> Vec3<T> {
     let [fu, fv, fl] = force.0;
     let (u, v, l) = (fu * inverse_radius * THIRD, fv * inverse_radius * INVERSE_SQRT3, fl * THIRD);
@@ -41,7 +41,7 @@ pub fn force_on_lengths<T: Real>(force: Vec3<T>, inverse_radius: T) -> Vec3<T> {
 }
 
 /// Generalized forces on (u, v, l) from those on the lengths.
-#[inline]
+#[inline(always)]
 pub fn force_on_arc<T: Real>(force: Vec3<T>, radius: T) -> Vec3<T> {
     let [f1, f2, f3] = force.0;
     Vec3([((f2 + f3) * 0.5 - f1) * radius, (f3 - f2) * radius * H, f1 + f2 + f3])

@@ -55,7 +55,7 @@ pub struct Bent<T> {
 
 impl<T: Real> Bent<T> {
     /// The section with rigid pieces `base_offset` and `head_offset` at `arc` = (u, v, l).
-    #[inline]
+    #[inline(always)]
     pub fn new(arc: Vec3<T>, base_offset: T, head_offset: T) -> Self {
         let [u, v, l] = arc.0;
         let f = ArcFunctions::new(u * u + v * v);
@@ -71,7 +71,7 @@ impl<T: Real> Bent<T> {
     }
 
     /// Pose of the head.
-    #[inline]
+    #[inline(always)]
     pub fn pose(&self) -> Pose<T> {
         let ([u, v, l], a, b, c) = (self.arc.0, self.f.a(), self.f.b(), self.f.cos());
         let (ua, va, ub) = (u * a, v * a, u * b);
@@ -87,7 +87,7 @@ impl<T: Real> Bent<T> {
     }
 
     /// The motion subspace.
-    #[inline]
+    #[inline(always)]
     pub fn subspace(&self) -> Subspace<T> {
         let ([u, v, _], a, b, d) = (self.arc.0, self.f.a(), self.f.b(), self.f.d());
         let (duv, ug, vg) = (d * u * v, u * self.g_s * 2.0, v * self.g_s * 2.0);
@@ -103,7 +103,7 @@ impl<T: Real> Bent<T> {
     }
 
     /// Second derivatives by s of g and k.
-    #[inline]
+    #[inline(always)]
     fn second(&self) -> (T, T) {
         let l = self.arc.z();
         (
@@ -113,7 +113,7 @@ impl<T: Real> Bent<T> {
     }
 
     /// Acceleration of the head at rates (u', v', l') when u'' = v'' = l'' = 0.
-    #[inline]
+    #[inline(always)]
     pub fn bias(&self, rate: Vec3<T>) -> Bias<T> {
         let ([u, v, _], [du, dv, dl]) = (self.arc.0, rate.0);
         let f = &self.f;
@@ -135,7 +135,7 @@ impl<T: Real> Bent<T> {
     }
 
     /// Time derivative of the motion subspace in the section's base frame, at rates (u', v', l').
-    #[inline]
+    #[inline(always)]
     pub fn subspace_rate(&self, rate: Vec3<T>) -> Subspace<T> {
         let ([u, v, _], [du, dv, dl]) = (self.arc.0, rate.0);
         let f = &self.f;
@@ -164,7 +164,7 @@ impl<T: Real> Bent<T> {
 
 impl<T: Real> Subspace<T> {
     /// Angular and linear velocity at the given rates.
-    #[inline]
+    #[inline(always)]
     pub fn twist(&self, rate: Vec3<T>) -> (Vec3<T>, Vec3<T>) {
         let [du, dv, dl] = rate.0;
         (

@@ -17,7 +17,7 @@ use crate::real::Real;
 pub const GAS_CONSTANT: f64 = 287.05;
 
 /// Volumes of all chambers at lengths `q` into `out`; with `rates` true, their rates from the lengths' rates `q`.
-#[inline]
+#[inline(always)]
 pub fn volumes<T: Real>(arm: &Arm<T>, dead_volume: T, q: &[T], rates: bool, out: &mut [T]) {
     out.fill(if rates { T::zero() } else { dead_volume });
     for (i, section) in arm.sections.iter().enumerate() {
@@ -29,20 +29,20 @@ pub fn volumes<T: Real>(arm: &Arm<T>, dead_volume: T, q: &[T], rates: bool, out:
 }
 
 /// Density of ambient air, kg/m^3.
-#[inline]
+#[inline(always)]
 pub fn ambient_density<T: Real>(pneumatics: &Pneumatics<T>) -> T {
     pneumatics.ambient_pressure / (pneumatics.temperature * GAS_CONSTANT)
 }
 
 /// Absolute pressure of mass `m` in volume `v`, Pa.
-#[inline]
+#[inline(always)]
 pub fn pressure<T: Real>(pneumatics: &Pneumatics<T>, m: T, v: T) -> T {
     let compression = m / (v * pneumatics.ambient_density);
     pneumatics.ambient_pressure * compression.powf(pneumatics.exponent)
 }
 
 /// Mass in volume `v` at absolute pressure `p`, kg.
-#[inline]
+#[inline(always)]
 pub fn mass<T: Real>(pneumatics: &Pneumatics<T>, p: T, v: T) -> T {
     v * pneumatics.ambient_density * (p / pneumatics.ambient_pressure).powf(pneumatics.exponent.recip())
 }

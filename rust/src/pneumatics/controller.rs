@@ -32,7 +32,7 @@ pub struct Command<T> {
 }
 
 /// The controller's output at pressure `p`, where the valve has `flows`, for a reference (Pa) and its rate (Pa/s).
-#[inline]
+#[inline(always)]
 pub fn command<T: Real>(
     k: &Pneumatics<T>,
     flows: &FullFlows<T>,

@@ -18,7 +18,7 @@ pub mod valve;
 use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::parameters::{PneumaticsLevel, PneumaticsParameters};
-use crate::real::Real;
+use crate::real::{Real, kernel};
 
 /// Longest sub-step, s.
 pub const SUBSTEP: f64 = 2.5e-4;
@@ -208,7 +208,7 @@ pub struct Chambers<T = f64> {
 impl<T: Real> Chambers<T> {
     /// Chambers at rest at lengths `q` with pressures `p`, valves closed; none where the command acts as it is.
     pub fn new(arm: &Arm<T>, q: &[T], p: &[T]) -> Option<Self> {
-        let pneumatics = arm.pneumatics.as_ref().filter(|x| x.level != PneumaticsLevel::Ideal)?;
+        let pneumatics = arm.pneumatics.as_ref()?;
         let zero = T::zero();
         let mut volumes = vec![zero; arm.inputs];
         chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut volumes);
@@ -253,8 +253,13 @@ impl<T: Real> Chambers<T> {
 
     /// A step of the arm from (`t0`, lengths `q`, rates `qd`) to `t1` begins; `commands` are the commanded pressures at
     /// its start and at its end.
-    #[inline]
-    pub fn begin_step(&mut self, arm: &Arm<T>, (t0, t1): (f64, f64), (q, qd): (&[T], &[T]), commands: &[Vec<T>; 2]) {
+    #[inline(always)]
+    pub fn begin_step(&mut self, arm: &Arm<T>, times: (f64, f64), state: (&[T], &[T]), commands: &[Vec<T>; 2]) {
+        T::enter(BeginStep { chambers: self, arm, times, state, commands });
+    }
+
+    #[inline(always)]
+    fn fill(&mut self, arm: &Arm<T>, (t0, t1): (f64, f64), (q, qd): (&[T], &[T]), commands: &[Vec<T>; 2]) {
         let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
         let h = t1 - t0;
         self.start = t0;
@@ -295,8 +300,13 @@ impl<T: Real> Chambers<T> {
     }
 
     /// The acting pressures at time `t` of the step begun last, at lengths `q`, into `out`.
-    #[inline]
+    #[inline(always)]
     pub fn pressures(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
+        T::enter(Pressures { chambers: self, arm, t, q, out });
+    }
+
+    #[inline(always)]
+    fn read(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
         let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
         let elapsed = (t - self.start).clamp(0.0, self.end - self.start);
         if pneumatics.level == PneumaticsLevel::Lag {
@@ -319,7 +329,7 @@ impl<T: Real> Chambers<T> {
     }
 
     /// Pressures at the ends of the sub-steps of the step begun last, with the lengths moving on evenly.
-    #[inline]
+    #[inline(always)]
     pub fn predicted(&mut self, arm: &Arm<T>, mut each: impl FnMut(f64, &[T])) {
         let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
         // The lag bends within a step; as many pieces as the chambers have.
@@ -346,7 +356,7 @@ impl<T: Real> Chambers<T> {
     }
 
     /// The step was accepted.
-    #[inline]
+    #[inline(always)]
     pub fn end_step(&mut self) {
         self.now.copy_from_slice(&self.next);
     }
@@ -357,8 +367,24 @@ impl<T: Real> Chambers<T> {
     }
 }
 
+kernel!(BeginStep<'a, T> {
+    chambers: &'a mut Chambers<T>,
+    arm: &'a Arm<T>,
+    times: (f64, f64),
+    state: (&'a [T], &'a [T]),
+    commands: &'a [Vec<T>; 2],
+} => chambers.fill(arm, times, state, commands));
+
+kernel!(Pressures<'a, T> {
+    chambers: &'a mut Chambers<T>,
+    arm: &'a Arm<T>,
+    t: f64,
+    q: &'a [T],
+    out: &'a mut [T],
+} => chambers.read(arm, t, q, out));
+
 /// The lagged pressure after `elapsed` under a reference that moves evenly: exact.
-#[inline]
+#[inline(always)]
 fn lagged<T: Real>(pneumatics: &Pneumatics<T>, p: T, drive: &Drive<T>, elapsed: f64) -> T {
     let time = T::select(drive.reference - p, pneumatics.fill_time, pneumatics.vent_time);
     // Past the transient the pressure follows the reference's line, `time` behind it.
@@ -376,7 +402,7 @@ struct Stiff<T> {
 }
 
 /// Right-hand side of (mass, spool, integral), and its stiff derivatives.
-#[inline]
+#[inline(always)]
 fn rates<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Drive<T>, t: f64) -> (Input<T>, Stiff<T>) {
     let volume = drive.volume + drive.volume_rate * t;
     let p = chamber::pressure(k, x.content, volume);
@@ -396,7 +422,7 @@ fn rates<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Dri
 }
 
 /// One ROS2 step of length `h` from time `t` of the arm's step on.
-#[inline]
+#[inline(always)]
 fn substep<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Drive<T>, t: f64, h: f64) -> Input<T> {
     const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
     let one = T::one();

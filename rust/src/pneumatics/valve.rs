@@ -20,7 +20,7 @@ pub const REFERENCE_TEMPERATURE: f64 = 293.15;
 pub const LAMINAR_RATIO: f64 = 0.999;
 
 /// psi(r) and d psi/dr.
-#[inline]
+#[inline(always)]
 fn flow_function<T: Real>(r: T, b: T) -> (T, T) {
     let inverse = (T::one() - b).recip();
     // No square root of zero: its derivative would be infinite, also where its value is not used.
@@ -36,7 +36,7 @@ fn flow_function<T: Real>(r: T, b: T) -> (T, T) {
 /// Mass flow from `p1` to `p2`, kg/s, and its derivative by `p2`, both for air of temperature `temperature` (K).
 ///
 /// `conductance`: C, m^3/(s Pa); `critical`: b.
-#[inline]
+#[inline(always)]
 pub fn mass_flow<T: Real>(conductance: T, critical: T, temperature: T, p1: T, p2: T) -> (T, T) {
     let k = conductance * (temperature * (1.0 / REFERENCE_TEMPERATURE)).sqrt().recip() * REFERENCE_DENSITY;
     let (high, low) = (p1.max(p2), p1.min(p2));
@@ -67,7 +67,7 @@ impl<T: Real> FullFlows<T> {
     /// At chamber pressure `p`.
     ///
     /// With a vacuum port the exhaust has a check valve: the vacuum draws from the chamber, not from the exhaust.
-    #[inline]
+    #[inline(always)]
     pub fn new(valve: &Pneumatics<T>, p: T) -> Self {
         let (b, temperature) = (valve.critical_ratio, valve.temperature);
         let (fill, fill_slope) = mass_flow(valve.supply_conductance, b, temperature, valve.supply_pressure, p);
@@ -83,7 +83,7 @@ impl<T: Real> FullFlows<T> {
     }
 
     /// Mass flow into the chamber with the spool at `spool`: value, by the pressure, by the spool.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, valve: &Pneumatics<T>, spool: T) -> (T, T, T) {
         let (open, slope) = opening(valve, spool);
         (
@@ -95,7 +95,7 @@ impl<T: Real> FullFlows<T> {
 }
 
 /// Opening in -1 .. 1 of a spool at -1 .. 1 with its dead band, and its derivative.
-#[inline]
+#[inline(always)]
 pub fn opening<T: Real>(valve: &Pneumatics<T>, spool: T) -> (T, T) {
     let slope = (T::one() - valve.dead_band).recip();
     let beyond = spool.abs() - valve.dead_band;

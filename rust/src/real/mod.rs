@@ -17,6 +17,9 @@ use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Work that is compiled once for each scalar it runs on, by [`Real::enter`].
+///
+/// A stage of the model is a kernel of its own (a pass up the chain, the sum of forces, the sweep of the solution, a
+/// step's begin and end): small enough to compile in seconds, large enough that the call does not show.
 pub trait Kernel {
     /// What it returns.
     type Output;
@@ -24,6 +27,25 @@ pub trait Kernel {
     /// without the instruction set.
     fn run(self) -> Self::Output;
 }
+
+/// A [`Kernel`] made of a function: `kernel!(Name<'a, T> { argument: type, ... } => call)`.
+macro_rules! kernel {
+    ($name:ident<$life:lifetime, $scalar:ident> { $($field:ident: $type:ty),+ $(,)? } => $body:expr) => {
+        struct $name<$life, $scalar> {
+            $($field: $type),+
+        }
+
+        impl<$life, $scalar: $crate::real::Real> $crate::real::Kernel for $name<$life, $scalar> {
+            type Output = ();
+            #[inline(always)]
+            fn run(self) {
+                let Self { $($field),+ } = self;
+                $body;
+            }
+        }
+    };
+}
+pub(crate) use kernel;
 
 /// A [`Kernel`] for the instruction set that every processor of the target has.
 #[inline(never)]

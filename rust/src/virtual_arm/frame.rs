@@ -7,7 +7,7 @@ use super::arc::ArcPoint;
 use nalgebra::{Matrix3, Vector3};
 
 /// Matrix times vector. nalgebra leaves its general product of small matrices out of line, at several times the cost.
-#[inline]
+#[inline(always)]
 pub fn times(m: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(
         m.m11 * v.x + m.m12 * v.y + m.m13 * v.z,
@@ -17,7 +17,7 @@ pub fn times(m: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
 }
 
 /// Matrix times matrix, column by column.
-#[inline]
+#[inline(always)]
 pub fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[0, 1, 2].map(|k| times(a, &b.column(k).into_owned())))
 }

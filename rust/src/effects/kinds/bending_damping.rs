@@ -26,7 +26,7 @@ impl<T: Real> Effect<T> for BendingDamping<T> {
         Self { damping: values[0], sections: definition.target.sections.clone() }
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
         for i in self.sections.clone() {
             let [du, dv, _] = now.links[i].rate.0;

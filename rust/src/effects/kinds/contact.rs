@@ -57,7 +57,7 @@ impl<T: Real> Effect<T> for Contact<T> {
         (length < 1e-6).then(|| "normal_x, normal_y, normal_z must not all be zero".to_owned())
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
         for i in self.sections.clone() {
             let link = &now.links[i];

@@ -22,7 +22,7 @@ pub struct Creep<T> {
 
 impl<T: Real> Creep<T> {
     /// z at the instant from that at the step's start, `each(bellows, z)`.
-    #[inline]
+    #[inline(always)]
     fn update(&self, now: &Instant<'_, T>, start: impl Fn(usize) -> T, mut each: impl FnMut(usize, T)) {
         let Some(h) = now.elapsed else { return };
         let [f0, f1, f2, f3] = phi(self.tau.recip() * h);
@@ -55,14 +55,14 @@ impl<T: Real> Effect<T> for Creep<T> {
         self.bellows.len()
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, hidden: &[T]) {
         let force = std::mem::take(&mut now.bellows_force);
         self.update(now, |k| hidden[k], |k, z| force[self.bellows.start + k] -= self.stiffness * z);
         now.bellows_force = force;
     }
 
-    #[inline]
+    #[inline(always)]
     fn advance(&self, now: &Instant<'_, T>, hidden: &mut [T]) {
         let cells = std::cell::Cell::from_mut(hidden).as_slice_of_cells();
         self.update(now, |k| cells[k].get(), |k, z| cells[k].set(z));

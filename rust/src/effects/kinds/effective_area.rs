@@ -30,12 +30,12 @@ impl<T: Real> Effect<T> for EffectiveArea<T> {
         Self { by_pressure: values[0], by_length: values[1], bellows: definition.target.bellows.clone() }
     }
 
-    #[inline]
+    #[inline(always)]
     fn is_actuation(&self) -> bool {
         true
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
         let all = now.arm.sections.iter().flat_map(|s| &s.bellows).enumerate();
         for (j, b) in all.skip(self.bellows.start).take(self.bellows.len()) {

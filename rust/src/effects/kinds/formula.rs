@@ -51,7 +51,7 @@ pub struct Formula<T> {
 }
 
 impl<T: Real> Formula<T> {
-    #[inline]
+    #[inline(always)]
     fn value(&self, variables: [T; 4]) -> T {
         let mut stack = [T::zero(); MAX_DEPTH];
         let mut top = 0;
@@ -92,12 +92,12 @@ impl<T: Real> Effect<T> for Formula<T> {
         Self { program, values: values.into(), bellows: definition.target.bellows.clone() }
     }
 
-    #[inline]
+    #[inline(always)]
     fn is_actuation(&self) -> bool {
         self.program.uses_pressure
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
         let t = T::from_f64(now.time);
         for j in self.bellows.clone() {

@@ -23,7 +23,7 @@ pub struct Friction<T> {
 }
 
 impl<T: Real> Friction<T> {
-    #[inline]
+    #[inline(always)]
     fn update(&self, now: &Instant<'_, T>, bellows: usize, w: T) -> T {
         let b = &now.bellows[bellows];
         let v = (b.start_rate + b.rate) * self.inverse_stribeck * 0.5;
@@ -56,7 +56,7 @@ impl<T: Real> Effect<T> for Friction<T> {
         self.bellows.len()
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, hidden: &[T]) {
         if now.elapsed.is_none() {
             return;
@@ -66,7 +66,7 @@ impl<T: Real> Effect<T> for Friction<T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn advance(&self, now: &Instant<'_, T>, hidden: &mut [T]) {
         for (w, j) in hidden.iter_mut().zip(self.bellows.clone()) {
             *w = self.update(now, j, *w);

@@ -20,7 +20,7 @@ pub struct Hysteresis<T> {
 }
 
 impl<T: Real> Hysteresis<T> {
-    #[inline]
+    #[inline(always)]
     fn update(&self, now: &Instant<'_, T>, bellows: usize, w: T) -> T {
         let b = &now.bellows[bellows];
         slip(w, b.length - b.start_length, T::one(), self.inverse_yield)
@@ -44,7 +44,7 @@ impl<T: Real> Effect<T> for Hysteresis<T> {
         self.bellows.len()
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, hidden: &[T]) {
         if now.elapsed.is_none() {
             return;
@@ -54,7 +54,7 @@ impl<T: Real> Effect<T> for Hysteresis<T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn advance(&self, now: &Instant<'_, T>, hidden: &mut [T]) {
         for (w, j) in hidden.iter_mut().zip(self.bellows.clone()) {
             *w = self.update(now, j, *w);

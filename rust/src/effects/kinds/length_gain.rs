@@ -28,7 +28,7 @@ impl<T: Real> Effect<T> for LengthGain<T> {
         true
     }
 
-    #[inline]
+    #[inline(always)]
     fn measure(&self, coordinate: usize, length: T) -> T {
         if self.lengths.contains(&coordinate) { length * (self.gain + 1.0) } else { length }
     }

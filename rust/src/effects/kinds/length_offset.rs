@@ -26,7 +26,7 @@ impl<T: Real> Effect<T> for LengthOffset<T> {
         true
     }
 
-    #[inline]
+    #[inline(always)]
     fn measure(&self, coordinate: usize, length: T) -> T {
         if self.lengths.contains(&coordinate) { length + self.offset } else { length }
     }

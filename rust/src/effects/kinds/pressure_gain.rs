@@ -29,14 +29,14 @@ impl<T: Real> Effect<T> for PressureGain<T> {
         true
     }
 
-    #[inline]
+    #[inline(always)]
     fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += (p[j] - self.ambient) * self.gain;
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn pressures_at_rest(&self, p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += (p[j] - self.ambient) * self.gain;

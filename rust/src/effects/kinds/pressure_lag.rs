@@ -20,7 +20,7 @@ pub struct PressureLag<T> {
 }
 
 /// u - p after `h` seconds of a lag `tau`, from `e`, with u rising at `slope`.
-#[inline]
+#[inline(always)]
 fn decay<T: Real>(e: T, slope: T, tau: T, h: T) -> T {
     let [f0, f1, _, _] = phi(h / tau);
     e * f0 + slope * h * f1
@@ -28,7 +28,7 @@ fn decay<T: Real>(e: T, slope: T, tau: T, h: T) -> T {
 
 impl<T: Real> PressureLag<T> {
     /// p after the input has gone from `from` to `to` in a straight line.
-    #[inline]
+    #[inline(always)]
     fn follow(&self, elapsed: f64, from: T, to: T, p: T) -> T {
         let h = T::from_f64(elapsed);
         let (e, slope) = (from - p, (to - from) * (1.0 / elapsed));
@@ -64,7 +64,7 @@ impl<T: Real> Effect<T> for PressureLag<T> {
         true
     }
 
-    #[inline]
+    #[inline(always)]
     fn pressures(&self, elapsed: f64, from: &[T], last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] = if elapsed > 0.0 { self.follow(elapsed, from[j], p[j], last[j]) } else { last[j] };

@@ -27,14 +27,14 @@ impl<T: Real> Effect<T> for PressureOffset<T> {
         true
     }
 
-    #[inline]
+    #[inline(always)]
     fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += self.offset;
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn pressures_at_rest(&self, p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += self.offset;

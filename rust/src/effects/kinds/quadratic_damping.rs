@@ -25,7 +25,7 @@ impl<T: Real> Effect<T> for QuadraticDamping<T> {
         Self { damping: values[0], bellows: definition.target.bellows.clone() }
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
         for j in self.bellows.clone() {
             let v = now.bellows[j].rate;

@@ -36,7 +36,7 @@ impl<T: Real> Effect<T> for SectionCoupling<T> {
         last.then(|| format!("section {count} is the last one; a section with one above it is needed"))
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
         let pairs = self.sections.end.min(now.links.len() - 1);
         for i in self.sections.start..pairs {

@@ -42,7 +42,7 @@ impl<T: Real> Effect<T> for ToolDrag<T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
         let link = &now.links[self.section];
         let (r, v) = (link.position, link.velocity);

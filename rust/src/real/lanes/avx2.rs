@@ -72,7 +72,7 @@ impl Register for Avx2 {
     }
     #[inline(always)]
     fn power_of_two(self) -> Self {
-        // As in `plain`. SAFETY: see the file's head.
+        // The number plus the exponent's bias ends in the last bits of 2^52 + it; shifted, they are an exponent. SAFETY: see the file's head.
         Self(unsafe {
             let biased = _mm256_add_pd(self.0, _mm256_set1_pd(1023.0 + super::TWO_52));
             _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(biased)))

@@ -71,7 +71,7 @@ impl Register for Avx512 {
     }
     #[inline(always)]
     fn power_of_two(self) -> Self {
-        // As in `plain`. SAFETY: see the file's head.
+        // The number plus the exponent's bias ends in the last bits of 2^52 + it; shifted, they are an exponent. SAFETY: see the file's head.
         Self(unsafe {
             let biased = _mm512_add_pd(self.0, _mm512_set1_pd(1023.0 + super::TWO_52));
             _mm512_castsi512_pd(_mm512_slli_epi64::<52>(_mm512_castpd_si512(biased)))

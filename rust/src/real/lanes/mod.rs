@@ -13,7 +13,6 @@ mod avx512;
 mod elementary;
 #[cfg(target_arch = "aarch64")]
 mod neon;
-mod plain;
 
 use super::{Kernel, Real};
 use std::fmt::Debug;
@@ -25,15 +24,12 @@ pub use avx2::Avx2;
 pub use avx512::Avx512;
 #[cfg(target_arch = "aarch64")]
 pub use neon::Neon;
-pub use plain::Plain;
 
 /// Instruction sets there are lanes for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InstructionSet {
-    /// No lanes: one member after the other.
+    /// No lanes: one member after the other, in the instructions that every processor of the target has.
     Scalar,
-    /// Four lanes in ordinary code.
-    Plain,
     /// Four lanes, fused multiply-add (aarch64).
     Neon,
     /// Four lanes, fused multiply-add (x86-64).
@@ -44,7 +40,7 @@ pub enum InstructionSet {
 
 impl InstructionSet {
     /// All, from the narrowest on.
-    pub const ALL: [Self; 5] = [Self::Scalar, Self::Plain, Self::Neon, Self::Avx2, Self::Avx512];
+    pub const ALL: [Self; 4] = [Self::Scalar, Self::Neon, Self::Avx2, Self::Avx512];
 
     /// Whether this build and this processor have it. Lanes are in builds with the feature `lanes` only: compiling the
     /// model for each instruction set takes many minutes, and so far the lanes gain less than twice the speed.
@@ -53,7 +49,7 @@ impl InstructionSet {
             return self == Self::Scalar;
         }
         match self {
-            Self::Scalar | Self::Plain => true,
+            Self::Scalar => true,
             Self::Neon => cfg!(target_arch = "aarch64"),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
@@ -64,17 +60,15 @@ impl InstructionSet {
         }
     }
 
-    /// The widest one of this processor; ordinary code gains nothing from lanes, so `Scalar` where there is no other.
+    /// The widest one of this processor.
     pub fn best() -> Self {
-        let wide = Self::ALL.into_iter().rev().filter(|s| !matches!(s, Self::Plain));
-        wide.into_iter().find(|s| s.is_available()).unwrap_or(Self::Scalar)
+        Self::ALL.into_iter().rev().find(|s| s.is_available()).unwrap_or(Self::Scalar)
     }
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Scalar => "scalar",
-            Self::Plain => "plain",
             Self::Neon => "neon",
             Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
@@ -90,7 +84,7 @@ impl InstructionSet {
     pub fn lanes(self) -> usize {
         match self {
             Self::Scalar => 1,
-            Self::Plain | Self::Neon | Self::Avx2 => 4,
+            Self::Neon | Self::Avx2 => 4,
             Self::Avx512 => 8,
         }
     }
@@ -111,8 +105,6 @@ pub fn dispatch<W: AnyLanes>(set: InstructionSet, work: W) -> W::Output {
     }
     match set {
         InstructionSet::Scalar => work.with::<f64>(),
-        #[cfg(feature = "lanes")]
-        InstructionSet::Plain => work.with::<Lanes<Plain>>(),
         #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
         InstructionSet::Neon => work.with::<Lanes<Neon>>(),
         #[cfg(all(feature = "lanes", target_arch = "x86_64"))]

@@ -89,7 +89,7 @@ impl Register for Neon {
     }
     #[inline(always)]
     fn power_of_two(self) -> Self {
-        // As in `plain`.
+        // The number plus the exponent's bias ends in the last bits of 2^52 + it; shifted, they are an exponent.
         self.map(|a| unsafe {
             let biased = vaddq_f64(a, vdupq_n_f64(1023.0 + super::TWO_52));
             vreinterpretq_f64_s64(vshlq_n_s64::<52>(vreinterpretq_s64_f64(biased)))

@@ -1,0 +1,184 @@
+"""The commands as one types them: what they print and write, and what they say about wrong files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from numpy.typing import NDArray
+
+import bha
+from bha.cli import COMMANDS, main
+
+NAMES = bha.robots.load("bha_nominal").inputs
+HEADER = ",".join(["t [s]", *(f"{name} [bar]" for name in NAMES)])
+ROWS = ["0" + ",1.1" * 9, "0.1" + ",1.3" * 9, "0.2" + ",1.3" * 9]
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def log(folder: Path, rows: list[str] | None = None, header: str = HEADER) -> Path:
+    path = folder / "log.csv"
+    path.write_text("\n".join([header, *(ROWS if rows is None else rows)]) + "\n")
+    return path
+
+
+def test_help_names_every_command_and_each_has_its_own() -> None:
+    listed = run("--help").output
+    for name in COMMANDS:
+        assert name in listed
+        result = run(name, "--help")
+        assert result.exit_code == 0, result.output
+        assert "Usage:" in result.output
+
+
+def test_info_for_people_and_machines() -> None:
+    assert "p33" in run("info", "bha_nominal", "--json").output
+    facts = json.loads(run("info", "bha_nominal", "--json").output)
+    arm = bha.robots.load("bha_nominal")
+    np.testing.assert_allclose(np.ravel(facts["rest_lengths"]), arm.static_lengths(np.full(9, 101_325.0)))
+    assert facts["mass"] == pytest.approx(sum(s.mass for s in arm.parameters.sections))
+    text = run("info", "bha_nominal")
+    assert text.exit_code == 0
+    assert "assumed" in text.output
+
+
+def lengths(path: Path) -> NDArray[np.float64]:
+    if path.suffix == ".npz":
+        with np.load(path) as arrays:
+            return np.array(arrays["lengths"])
+    measured = bha.Log.read(path).lengths
+    assert measured is not None
+    return measured
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".parquet", ".npz"])
+def test_simulate_writes_what_the_python_interface_computes(tmp_path: Path, suffix: str) -> None:
+    pytest.importorskip("pyarrow")
+    path, out = log(tmp_path), tmp_path / f"out{suffix}"
+    result = run("simulate", "bha_nominal", "--input", path, "--out", out, "--json")
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.output)
+    assert said["rows"] == 3
+    assert said["written"] == [str(out)]
+    expected = bha.simulate(bha.robots.load("bha_nominal"), bha.Log.read(path))
+    np.testing.assert_allclose(lengths(out), expected.lengths, rtol=1e-9)
+
+
+def test_simulate_draws(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    result = run("simulate", "bha_nominal", "--input", log(tmp_path), "--dt", "0.01", "--plot")
+    assert result.exit_code == 0, result.output
+    assert {p.name for p in tmp_path.glob("*.png")} == {"log_trajectory.png", "log_shape.png"}
+
+
+def test_errors_against_measured_heads_are_root_mean_squares(tmp_path: Path) -> None:
+    arm = bha.robots.load("bha_nominal")
+    exact = bha.simulate(arm, bha.Log.read(log(tmp_path)))
+    heads = exact.head_positions + np.array([1e-3, 2e-3, 3e-3])
+    columns = [f"{axis}{head} [m]" for head in (1, 2, 3) for axis in "xyz"]
+    rows = [",".join([row, *map(repr, np.ravel(h).tolist())]) for row, h in zip(ROWS, heads, strict=True)]
+    path = log(tmp_path, rows, ",".join([HEADER, *columns]))
+    said = json.loads(run("simulate", "bha_nominal", "--input", path, "--json").output)
+    np.testing.assert_allclose(said["head_error_rms"], np.tile([1e-3, 2e-3, 3e-3], (3, 1)), atol=1e-8)
+    np.testing.assert_allclose(said["head_error_max"], np.tile([1e-3, 2e-3, 3e-3], (3, 1)), atol=1e-8)
+
+
+ARM = Path(bha.robots.__file__).parent / "bha_nominal.toml"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("mass", "masss"), ["masss", "section"]),
+        (("schema", "# schema"), ["schema", "bha-arm/1"]),
+        (('"end_force"', '"endforce"'), ["force_model", "endforce", "work_conjugate"]),
+        (("[[section]]", "[[section]"), ["line"]),
+    ],
+)
+def test_wrong_parameter_files(tmp_path: Path, change: tuple[str, str], said: list[str]) -> None:
+    path = tmp_path / "arm.toml"
+    text = ARM.read_text()
+    assert change[0] in text
+    path.write_text(text.replace(*change))
+    result = run("info", path)
+    assert result.exit_code == 1
+    assert result.output.startswith("error: ")
+    for word in [str(path), *said]:
+        assert word in result.output, result.output
+    assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize(
+    ("rows", "header", "said"),
+    [
+        ([], HEADER, ["no rows"]),
+        (["0" + ",1.1" * 9, "0.1" + ",nan" * 9], HEADER, ["line 3", "p11"]),
+        (["0.1" + ",1.1" * 9, "0" + ",1.1" * 9], HEADER, ["line 3", "t"]),
+        (["0" + ",1.1" * 8, "0.1" + ",1.1" * 8], HEADER.rpartition(",")[0], ["p33"]),
+        (["0" + ",1.1" * 9, "0.1,1.1"], HEADER, ["line 3"]),
+        (["0" + ",1.1" * 9, "0.1" + ",high" * 9], HEADER, ["line 3", "high"]),
+        (ROWS, HEADER.replace("p11 [bar]", "p11 [m]"), ["p11", "[m]"]),
+        (ROWS, HEADER.replace("p11 [bar]", "p11 [barr]"), ["p11", "barr"]),
+    ],
+)
+def test_wrong_logs(tmp_path: Path, rows: list[str], header: str, said: list[str]) -> None:
+    path, out = log(tmp_path, rows, header), tmp_path / "out.csv"
+    result = run("simulate", "bha_nominal", "--input", path, "--out", out)
+    assert result.exit_code == 1, result.output
+    assert result.output.startswith("error: ")
+    for word in [path.name, *said]:
+        assert word in result.output, result.output
+    assert not out.exists()
+
+
+def test_files_that_are_not_there_or_not_what_they_claim(tmp_path: Path) -> None:
+    path = log(tmp_path)
+    for arguments in (
+        ("info", tmp_path / "none.toml"),
+        ("info", "no_such_arm"),
+        ("info", tmp_path),
+        ("simulate", "bha_nominal", "--input", tmp_path / "none.csv"),
+        ("simulate", "bha_nominal", "--input", tmp_path),
+        ("simulate", "bha_nominal", "--input", ARM),
+        ("simulate", "bha_nominal", "--input", path, "--out", tmp_path / "out.xyz"),
+        ("simulate", "bha_nominal", "--input", path, "--out", tmp_path / "nowhere" / "out.csv"),
+        ("simulate", "bha_nominal", "--input", path, "--dt", "0"),
+        ("simulate", "bha_nominal", "--input", path, "--method", "rk4", "--step", "-1"),
+        ("simulate", "bha_nominal", "--input", path, "--commanded"),
+    ):
+        result = run(*arguments)
+        assert result.exit_code in {1, 2}, (arguments, result.output)
+        assert "rror" in result.output, (arguments, result.output)
+        assert "Traceback" not in result.output
+    for name, content in (
+        ("not.parquet", b"PAR1 no"),
+        ("not.csv.gz", b"\x1f\x8b broken"),
+        ("binary.csv", bytes(range(256))),
+    ):
+        (tmp_path / name).write_bytes(content)
+        result = run("simulate", "bha_nominal", "--input", tmp_path / name)
+        assert result.exit_code == 1, (name, result.output)
+        assert name in result.output
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+
+
+def test_a_run_that_diverges_keeps_what_it_has_and_says_when(tmp_path: Path) -> None:
+    """Far beyond the stability of RK4 at the given step."""
+    out = tmp_path / "out.csv"
+    path = log(tmp_path, [*ROWS, "20" + ",1.1" * 9])
+    result = run(
+        "simulate", "bha_nominal", "--input", path, "--out", out, "--method", "rk4", "--step", "0.03", "--dt", "0.03"
+    )
+    assert result.exit_code == 1
+    assert "error: " in result.output
+    kept = bha.Log.read(out)
+    assert 0.0 < kept.time[-1] < 20.0
+    assert np.isfinite(lengths(out)).all()
+
+
+def test_tables_keep_the_units_of_their_headings(tmp_path: Path) -> None:
+    assert "Head [mm]" in run("info", "bha_nominal").output
