@@ -102,7 +102,10 @@ def test_a_lost_partition_is_computed_again(tmp_path: Path) -> None:
     [
         ({"seed": 8}, r"holds another sweep; these differ: spec \(.* there, .* here\). Name another folder"),
         ({"partition_size": 128}, "its partitions have 64 runs, the spec wants 128"),
-        ({"simulation": {"duration": 0.02, "dt": 0.005, "instruction_set": FOREIGN}}, r"differ: instruction set"),
+        (
+            {"simulation": {"duration": 0.02, "dt": 0.005, "method": "rk4", "step": 5e-3, "instruction_set": FOREIGN}},
+            r"differ: instruction set",
+        ),
     ],
 )
 def test_another_spec_is_refused(tmp_path: Path, changes: dict[str, Any], text: str) -> None:

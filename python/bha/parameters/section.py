@@ -12,8 +12,9 @@ cubic term of the bending moment go beyond the paper.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from pydantic import model_validator
@@ -89,7 +90,8 @@ class SectionParameters(Table):
 
         Only the layout is judged: springs of zero stiffness are a decision, bellows in one line an oversight.
         """
-        places = tuple((b.radius / self.bellows_radius, b.angle) for b in self.resolved_bellows(1))
+        stated = self.bellows or _STANDARD_BELLOWS
+        places = tuple((_inherit(b.radius, self.bellows_radius) / self.bellows_radius, b.angle_rad) for b in stated)
         if not _all_motions_held(places, any(k != 0.0 for k in self.bending_stiffness)):
             raise table_error(
                 f"the {len(places)} bellows leave the section free to bend in some direction: they sit in one line or "
@@ -123,6 +125,12 @@ class SectionParameters(Table):
         if section not in self.resolved_by_number:
             self.resolved_by_number[section] = self._resolve(section)
         return self.resolved_by_number[section]
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy, some values changed without a check; what follows from the old values is not kept."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("resolved_by_number", None)
+        return copied
 
     @cached_property
     def resolved_by_number(self) -> dict[int, tuple[ResolvedBellows, ...]]:
