@@ -1,8 +1,8 @@
 """Against soromox (JAX, piecewise constant strain): three segments, nine degrees of freedom, float64, jit and vmap.
 
-Both sides in one process on the same cores, which is all of them: JAX's CPU backend and our batches use several threads.
-The models are not the same (soromox integrates a rod's distributed mass along its length, ours has a body at each head), but
-answer the same question for the same robot; compilation is not counted.
+Both sides in one process on the same cores, all of them: the CPU backend of JAX and our batches use several threads.
+The models are not the same (soromox integrates distributed mass along a rod, ours has a body at each head),
+but answer the same question for the same robot. Compilation is not counted.
 """
 
 from __future__ import annotations

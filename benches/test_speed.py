@@ -16,6 +16,8 @@ import bha
 from bha import reference as ref
 from bha.parameters import ArmParameters
 
+from .chain import rigid_chain
+
 FILE = Path(bha.robots.__file__).with_name("bha_nominal.toml")
 CORE = bha.robots.load("bha_nominal")
 REFERENCE = ref.load_arm(FILE)
@@ -63,15 +65,7 @@ def test_call_from_python(benchmark: Any, side: str) -> None:
         benchmark(CORE.forward_dynamics, Q, QD, P)
         return
     pinocchio = pytest.importorskip("pinocchio")
-    model = pinocchio.Model()
-    joint = 0
-    for k in range(9):
-        axis = [pinocchio.JointModelRX(), pinocchio.JointModelRY(), pinocchio.JointModelRZ()][k % 3]
-        placement = pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))
-        joint = model.addJoint(joint, axis, placement, f"joint{k}")
-        inertia = pinocchio.Inertia(0.2, np.array([0.0, 0.0, 0.05]), 1e-3 * np.eye(3))
-        model.appendBodyToJoint(joint, inertia, pinocchio.SE3.Identity())
-    data = model.createData()
+    model, data = rigid_chain(pinocchio)
     benchmark(pinocchio.aba, model, data, Q, QD, QD)
 
 

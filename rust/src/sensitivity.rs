@@ -75,7 +75,7 @@ impl Trajectory<'_> {
         }
         let none = [Direction { tangent: &[], state: &[] }];
         let directions = if directions.is_empty() { &none[..0] } else { directions };
-        let width = if self.instruction_set.lanes() == 1 { 4 * BLOCKS } else { self.instruction_set.lanes() * BLOCKS };
+        let width = if self.instruction_set.lanes() == 1 { 2 * BLOCKS } else { self.instruction_set.lanes() * BLOCKS };
         let chunks: Vec<_> = if directions.is_empty() { vec![directions] } else { directions.chunks(width).collect() };
         let stop = AtomicBool::new(false);
         let work = || {
@@ -102,7 +102,7 @@ struct Part<'a> {
 impl AnyLanes for Part<'_> {
     type Output = Result<(Vec<f64>, Vec<f64>)>;
     fn with<T: Real>(self) -> Self::Output {
-        if T::LANES == 1 { self.run::<{ 4 * BLOCKS }, T>() } else { self.run::<BLOCKS, T>() }
+        if T::LANES == 1 { self.run::<{ 2 * BLOCKS }, T>() } else { self.run::<BLOCKS, T>() }
     }
 }
 

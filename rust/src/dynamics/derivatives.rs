@@ -54,7 +54,7 @@ impl AnyLanes for Build<'_> {
     fn with<T: Real>(self) -> Self::Output {
         // Without lanes the block of directions is in the dual number itself.
         if T::LANES == 1 {
-            Box::new(Lifted::<{ 4 * BLOCKS }, T>::new(self.arm, self.tangents))
+            Box::new(Lifted::<{ 2 * BLOCKS }, T>::new(self.arm, self.tangents))
         } else {
             Box::new(Lifted::<BLOCKS, T>::new(self.arm, self.tangents))
         }

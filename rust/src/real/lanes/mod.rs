@@ -42,8 +42,8 @@ impl InstructionSet {
     /// All, from the narrowest on.
     pub const ALL: [Self; 4] = [Self::Scalar, Self::Neon, Self::Avx2, Self::Avx512];
 
-    /// Whether this build and this processor have it. Lanes are in builds with the feature `lanes` only: compiling the
-    /// model for each instruction set takes many minutes, and so far the lanes gain less than twice the speed.
+    /// Whether this build and this processor have it. Lanes are in builds with the feature `lanes` only, since compiling
+    /// the model for each instruction set takes its time.
     pub fn is_available(self) -> bool {
         if cfg!(not(feature = "lanes")) {
             return self == Self::Scalar;

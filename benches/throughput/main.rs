@@ -1,5 +1,7 @@
 //! Forward dynamics per second and core: scalar, fused, lanes of every instruction set, dual numbers; and the processor's
-//! peak for comparison. `cargo bench --bench throughput`.
+//! peak for comparison. `cargo bench --bench throughput --features lanes`.
+
+mod counting;
 
 use bha_core::arm::Arm;
 use bha_core::dynamics::Workspace;
@@ -7,7 +9,8 @@ use bha_core::dynamics::derivatives::{Point, differentiator};
 use bha_core::dynamics::recursion::forward_dynamics_into;
 use bha_core::parameters::ArmParameters;
 use bha_core::real::lanes::{AnyLanes, InstructionSet, dispatch};
-use bha_core::real::{Fused, Real};
+use bha_core::real::{Fused, Kernel, Real};
+use counting::{Counting, operations};
 use std::collections::HashMap;
 use std::hint::black_box;
 use std::time::Instant;
@@ -17,7 +20,7 @@ fn nominal() -> Arm {
     struct Oracle {
         core_parameters: HashMap<String, ArmParameters>,
     }
-    let packed = include_bytes!("../tests/data/oracle_cases.json.gz").as_slice();
+    let packed = include_bytes!("../../tests/data/oracle_cases.json.gz").as_slice();
     let oracle: Oracle = serde_json::from_reader(flate2::read::GzDecoder::new(packed)).unwrap();
     Arm::new(oracle.core_parameters.values().find(|a| a.section.len() == 3).expect("an arm of three sections")).unwrap()
 }
@@ -72,8 +75,54 @@ fn derivatives(arm: &Arm, set: InstructionSet) -> f64 {
     shortest(|| run.run(Point { q: black_box(&q), qd: &qd, p: &p, f_ext: None }, &mut qdd, black_box(&mut out)))
 }
 
+/// Independent chains of multiply-adds: enough of them to hide the latency of each.
+const CHAINS: usize = 12;
+const LENGTH: usize = 1000;
+
+/// Multiply-adds and nothing else.
+struct Peak<'a, T>(&'a mut [T; CHAINS]);
+
+impl<T: Real> Kernel for Peak<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let (a, b) = (T::from_f64(0.999), T::from_f64(0.001));
+        let mut x = *self.0;
+        for _ in 0..LENGTH {
+            for x in &mut x {
+                *x = x.mul_add(a, b);
+            }
+        }
+        *self.0 = x;
+    }
+}
+
+struct PeakRate;
+
+impl AnyLanes for PeakRate {
+    type Output = f64;
+    /// Floating-point operations a second.
+    fn with<T: Real>(self) -> f64 {
+        let mut x = [T::one(); CHAINS];
+        let seconds = shortest(|| T::enter(Peak(black_box(&mut x))));
+        (2 * CHAINS * LENGTH * T::LANES) as f64 / seconds
+    }
+}
+
+/// Operations of one forward dynamics.
+fn count(arm: &Arm) -> u64 {
+    let lifted = arm.lift::<Counting>();
+    let n = arm.coordinates();
+    let all = |x: f64, n: usize| vec![Counting::from_f64(x); n];
+    let (q, qd, p, mut out) = (all(0.2, n), all(0.1, n), all(1.2e5, arm.inputs), all(0.0, n));
+    let mut ws = Workspace::new(&lifted);
+    operations(|| forward_dynamics_into(&lifted, &q, &qd, &p, None, &mut ws, &mut out))
+}
+
 fn main() {
     let arm = nominal();
+    let flops = count(&arm) as f64;
+    println!("forward dynamics of {} sections: {flops} floating-point operations", arm.sections.len());
     let scalar = forward_dynamics::<f64>(&arm);
     println!("scalar      {:8.1} ns per state", scalar * 1e9);
     if Fused::is_available() {
@@ -82,12 +131,17 @@ fn main() {
     }
     for set in InstructionSet::ALL.into_iter().filter(|s| s.is_available()) {
         let state = dispatch(set, Throughput(&arm));
+        let peak = dispatch(set, PeakRate);
         println!(
-            "{:7} x {} {:8.1} ns per state, {:.2} times the scalar rate; {:.1} us for all derivatives",
+            "{:7} x {} {:8.1} ns per state, {:.2} times the scalar rate; {:.2} of {:.1} Gflop/s, {:.0} % of the peak; \
+             {:.1} us for all derivatives",
             set.name(),
             set.lanes(),
             state * 1e9,
             scalar / state,
+            flops / state * 1e-9,
+            peak * 1e-9,
+            100.0 * flops / state / peak,
             derivatives(&arm, set) * 1e6
         );
     }
