@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bha
-from bha.parameters import paths
+from bha.parameters import ArmParameters, paths
 
 
 @pytest.mark.parametrize("name", bha.robots.names())
@@ -88,3 +88,23 @@ def test_units() -> None:
     assert paths.unit_of("section.1.stiffness.2") == "N/m^2"
     assert paths.unit_of("section.1.center_of_mass.z") == "m"
     assert paths.unit_of("section.*.damping") == ""
+
+
+def test_changed_sections_are_as_read_from_a_file() -> None:
+    """Only sections that change are checked and resolved again; nothing of the old values may stay."""
+    base = bha.robots.load("bha_nominal").parameters
+    before = base.to_core_json()
+    for path in paths.available(base):
+        if path.startswith("section."):
+            changed = paths.with_values(base, {path: 1.001 * paths.get_value(base, path) + 1e-9})
+            again = ArmParameters.from_toml(changed.to_toml())
+            assert changed == again, path
+            assert changed.to_core_json() == again.to_core_json(), path
+            # The file states the inertia, which the radius would else give.
+            assert (changed.to_core_json() == before) == path.endswith("outer_radius"), path
+
+
+def test_a_copied_section_forgets_what_was_resolved() -> None:
+    section = bha.robots.load("bha_nominal").parameters.sections[0]
+    assert section.resolved_bellows(1)[0].damping == 18.0
+    assert section.model_copy(update={"damping": 20.0}).resolved_bellows(1)[0].damping == 20.0

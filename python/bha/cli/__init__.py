@@ -15,6 +15,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "experiment": ("bha.experiments.cli", "experiment", "The paper's experiments on a virtual arm."),
     "identify": ("bha.identify.cli", "identify_command", "Parameters from measured logs, with intervals."),
     "excite": ("bha.identify.cli", "excite_command", "Pressures that make parameters known, and how well."),
+    "sweep": ("bha.cli.sweep", "sweep", "Monte Carlo or grid over parameters and inputs, resumable."),
     "diagnose": ("bha.cli.diagnose", "diagnose", "Name what the model lacks, from measured logs."),
 }
 

@@ -14,8 +14,18 @@ import click
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
+from rich.text import Text
 
 from bha import robots
 from bha.arm import Arm
@@ -75,13 +85,30 @@ def table(*headings: str, title: str | None = None) -> Table:
     return Table(*map(escape, headings), title=None if title is None else escape(title))
 
 
-def progress_bar(*, hidden: bool = False) -> Progress:
-    """A progress bar on standard error with the time left; silent if ``hidden`` or where nobody looks."""
+class RateColumn(ProgressColumn):
+    """How many of something are done a second."""
+
+    def __init__(self, what: str) -> None:
+        """``what`` is counted: ``"runs"``."""
+        super().__init__()
+        self._what = what
+
+    def render(self, task: Task) -> Text:
+        """``230 runs/s``."""
+        return Text("" if task.speed is None else f"{task.speed:.3g} {self._what}/s")
+
+
+def progress_bar(*, hidden: bool = False, rate_of: str | None = None) -> Progress:
+    """A progress bar on standard error with the time left; silent if ``hidden`` or where nobody looks.
+
+    With ``rate_of`` it says how many of these are done a second.
+    """
     errors = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
+        *(() if rate_of is None else (RateColumn(rate_of),)),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=errors,

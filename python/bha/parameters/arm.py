@@ -170,28 +170,31 @@ class ArmParameters(Table):
     def to_mapping(self) -> dict[str, Any]:
         """The nested mapping that the file amounts to: what was stated, nothing that is left to defaults."""
         mapping = _stated_mapping(self, {"provenance", "pneumatics", "sections", "effects"})
-        tables: list[dict[str, Any]] = []
-        for section in self.sections:
-            table = _stated_mapping(section, {"provenance", "bellows"})
-            if section.provenance:
-                table["provenance"] = provenance_mapping(section.provenance)
-            if section.bellows is not None:
-                table["bellows"] = [
-                    _stated_mapping(bellows, {"provenance"})
-                    | ({"provenance": provenance_mapping(bellows.provenance)} if bellows.provenance else {})
-                    for bellows in section.bellows
-                ]
-            tables.append(table)
         if self.provenance:
             mapping["provenance"] = provenance_mapping(self.provenance)
         if self.pneumatics is not None:
             mapping["pneumatics"] = _stated_mapping(self.pneumatics, {"provenance"})
             if self.pneumatics.provenance:
                 mapping["pneumatics"]["provenance"] = provenance_mapping(self.pneumatics.provenance)
-        mapping["section"] = tables
+        mapping["section"] = [section_mapping(section) for section in self.sections]
         if self.effects:
             mapping["effect"] = [effect.to_mapping() for effect in self.effects]
         return mapping
+
+    def with_sections(self, changed: Mapping[int, SectionParameters]) -> Self:
+        """A copy with some sections replaced, by index from 0, by ones with as many bellows and the same inputs.
+
+        What concerns the whole arm is not checked again, for it cannot have changed.
+
+        Warns:
+            ParameterWarning: as :meth:`from_mapping`.
+        """
+        for index, section in changed.items():
+            if implausible := section.implausible():
+                text = f"{self.name}: section {index + 1}: {implausible}"
+                warnings.warn(text, ParameterWarning, stacklevel=2)
+        sections = tuple(changed.get(index, section) for index, section in enumerate(self.sections))
+        return self.model_copy(update={"sections": sections})
 
     def to_toml(self) -> str:
         """The text of the parameter file; comments and order of the file it was read from are kept."""
@@ -214,7 +217,8 @@ class ArmParameters(Table):
 
     def to_core_json(self) -> str:
         """Everything the core computes with, as JSON, every default and inherited value filled in; inputs by index."""
-        index = {name: i for i, name in enumerate(self.inputs)}
+        inputs = self.inputs
+        index = {name: i for i, name in enumerate(inputs)}
         sections = [
             {
                 "mass": section.mass,
@@ -237,7 +241,7 @@ class ArmParameters(Table):
             "force_model": self.force_model,
             "rotational_energy": self.rotational_energy,
             "coriolis_forces": self.coriolis_forces,
-            "inputs": self.inputs,
+            "inputs": inputs,
             "section": sections,
             "effect": [effect.to_core() for effect in self.effects],
         }
@@ -261,6 +265,20 @@ class ArmParameters(Table):
                 provenance = effect.provenance.get(name, ASSUMED)
                 unit = units.get(name, "")
                 yield StatedValue(section_number, bellows_number, name, value, unit, provenance, effect=number)
+
+
+def section_mapping(section: SectionParameters) -> dict[str, Any]:
+    """The ``[[section]]`` table as it stands in a file."""
+    table = _stated_mapping(section, {"provenance", "bellows"})
+    if section.provenance:
+        table["provenance"] = provenance_mapping(section.provenance)
+    if section.bellows is not None:
+        table["bellows"] = [
+            _stated_mapping(bellows, {"provenance"})
+            | ({"provenance": provenance_mapping(bellows.provenance)} if bellows.provenance else {})
+            for bellows in section.bellows
+        ]
+    return table
 
 
 def _stated(table: Any, section: int | None, bellows: int | None, skip: set[str]) -> Iterator[StatedValue]:

@@ -18,12 +18,12 @@ LONGEST_VALUE_SHOWN = 60
 Location = tuple[str | int, ...]
 
 
-def unreadable(path: str | os.PathLike[str], error: OSError) -> str:
+def unreadable(path: str | os.PathLike[str], error: OSError, what: str = "parameter file") -> str:
     """The file cannot be opened."""
     if isinstance(error, FileNotFoundError):
         return f"{os.fspath(path)}: there is no such file"
     if isinstance(error, IsADirectoryError):
-        return f"{os.fspath(path)}: is a folder; name a parameter file (.toml)"
+        return f"{os.fspath(path)}: is a folder; name a {what} (.toml)"
     return f"{os.fspath(path)}: cannot be read: {error.strerror}"
 
 
@@ -39,10 +39,10 @@ def not_toml(origin: str, text: str, error: Exception) -> str:
     return f"{origin}: not a TOML file: {what}"
 
 
-def wrong_schema(origin: str, mapping: Mapping[str, Any], schema: str) -> str:
-    """The file is TOML but not a parameter file of this version."""
+def wrong_schema(origin: str, mapping: Mapping[str, Any], schema: str, what: str = "a parameter file of an arm") -> str:
+    """The file is TOML but not ``what`` of this version."""
     if "schema" not in mapping:
-        return f'{origin}: schema: missing; a parameter file of an arm begins with: schema = "{schema}"'
+        return f'{origin}: schema: missing; {what} begins with: schema = "{schema}"'
     return f'{origin}: schema: found {shown(mapping["schema"])}; allowed: "{schema}"'
 
 
@@ -64,6 +64,12 @@ def invalid(
     lines = list(faults)
     more = len(lines) - MOST_FAULTS_SHOWN
     return "\n".join(lines[:MOST_FAULTS_SHOWN] + ([f"... and {more} more"] if more > 0 else []))
+
+
+def at(origin: str, text: str | None, location: Location, message: str) -> str:
+    """A fault at a key of a file that was found after the check of the file itself."""
+    line = key_line(text, location) if text is not None else None
+    return (f"{origin}, line {line}: " if line else f"{origin}: ") + _path_text(location) + message
 
 
 def shown(value: Any) -> str:

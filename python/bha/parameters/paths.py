@@ -27,10 +27,12 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from pydantic import ValidationError
+
 from bha.errors import ParameterError
-from bha.parameters.arm import ArmParameters
+from bha.parameters.arm import ArmParameters, section_mapping
 from bha.parameters.base import nearest
-from bha.parameters.section import STANDARD_ANGLES_DEG
+from bha.parameters.section import STANDARD_ANGLES_DEG, SectionParameters
 
 AXES = ("x", "y", "z")
 #: Most coefficients of a stiffness polynomial, and of the bending moment.
@@ -164,11 +166,30 @@ def with_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmPa
     """
     if not values:
         return parameters
+    if all(path.startswith("section.") for path in values) and (fast := _with_section_values(parameters, values)):
+        return fast
     mapping = parameters.to_mapping()
     for path, value in values.items():
         get_value(parameters, path)
         _set(parameters, mapping, path.split("."), float(value))
     return parameters.updated(mapping)
+
+
+def _with_section_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmParameters | None:
+    """As :func:`with_values`, where only numbers of sections change: these sections are checked and nothing else.
+
+    Sweeps and identification build arms by the million. None where a value is not allowed; the long way says which.
+    """
+    for path in values:
+        get_value(parameters, path)
+    touched = {int(path.split(".")[1]) - 1 for path in values}
+    tables = [section_mapping(section) if k in touched else None for k, section in enumerate(parameters.sections)]
+    for path, value in values.items():
+        _set(parameters, {"section": tables}, path.split("."), float(value))
+    try:
+        return parameters.with_sections({k: SectionParameters.model_validate(tables[k]) for k in touched})
+    except ValidationError:
+        return None
 
 
 def table_of(mapping: Mapping[str, Any], path: str) -> tuple[Any, str, int | None]:

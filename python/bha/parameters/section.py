@@ -12,7 +12,9 @@ cubic term of the bending moment go beyond the paper.
 from __future__ import annotations
 
 import math
-from typing import Self, TypeVar
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from pydantic import model_validator
@@ -36,6 +38,8 @@ from bha.parameters.provenance import ProvenanceTable, check_provenance, provena
 T = TypeVar("T")
 
 STANDARD_ANGLES_DEG = (0.0, 120.0, 240.0)
+# Made once: checking these tables again and again took a third of the time in which an arm is built.
+_STANDARD_BELLOWS = tuple(BellowsParameters(angle_deg=angle) for angle in STANDARD_ANGLES_DEG)
 
 
 class SectionParameters(Table):
@@ -86,14 +90,11 @@ class SectionParameters(Table):
 
         Only the layout is judged: springs of zero stiffness are a decision, bellows in one line an oversight.
         """
-        places = [(b.radius / self.bellows_radius, b.angle) for b in self.resolved_bellows(1)]
-        # How the lengths of the bellows follow from the three degrees of freedom of the section.
-        rows = [(radius * math.cos(angle), radius * math.sin(angle), 1.0) for radius, angle in places]
-        if any(k != 0.0 for k in self.bending_stiffness):
-            rows += [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
-        if np.linalg.matrix_rank(np.array(rows), tol=1e-9) < 3:
+        stated = self.bellows or _STANDARD_BELLOWS
+        places = tuple((_inherit(b.radius, self.bellows_radius) / self.bellows_radius, b.angle_rad) for b in stated)
+        if not _all_motions_held(places, any(k != 0.0 for k in self.bending_stiffness)):
             raise table_error(
-                f"the {len(rows)} bellows leave the section free to bend in some direction: they sit in one line or "
+                f"the {len(places)} bellows leave the section free to bend in some direction: they sit in one line or "
                 "one place and bending_stiffness is zero; allowed: bellows not all in one line, or a bending stiffness",
                 "bellows",
             )
@@ -121,7 +122,23 @@ class SectionParameters(Table):
 
     def resolved_bellows(self, section: int) -> tuple[ResolvedBellows, ...]:
         """The bellows with every inherited value filled in; input names are made from the number ``section``."""
-        stated = self.bellows or tuple(BellowsParameters(angle_deg=angle) for angle in STANDARD_ANGLES_DEG)
+        if section not in self.resolved_by_number:
+            self.resolved_by_number[section] = self._resolve(section)
+        return self.resolved_by_number[section]
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy, some values changed without a check; what follows from the old values is not kept."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("resolved_by_number", None)
+        return copied
+
+    @cached_property
+    def resolved_by_number(self) -> dict[int, tuple[ResolvedBellows, ...]]:
+        """What :meth:`resolved_bellows` returned so far, by the section's number: one check asks for it many times."""
+        return {}
+
+    def _resolve(self, section: int) -> tuple[ResolvedBellows, ...]:
+        stated = self.bellows or _STANDARD_BELLOWS
         return tuple(
             ResolvedBellows(
                 angle=bellows.angle_rad,
@@ -134,6 +151,16 @@ class SectionParameters(Table):
             )
             for number, bellows in enumerate(stated, start=1)
         )
+
+
+@lru_cache(maxsize=256)
+def _all_motions_held(places: tuple[tuple[float, float], ...], bending: bool) -> bool:
+    """Whether bellows at these radii (as shares) and angles, rad, hold a section against bending and lengthening."""
+    # How the lengths of the bellows follow from the three degrees of freedom of the section.
+    rows = [(radius * math.cos(angle), radius * math.sin(angle), 1.0) for radius, angle in places]
+    if bending:
+        rows += [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    return bool(np.linalg.matrix_rank(np.array(rows), tol=1e-9) == 3)
 
 
 def _inherit(own: T | None, inherited: T) -> T:
