@@ -1,8 +1,8 @@
 """Does identification find what is there, and does it know how well? Repeats on synthetic logs with realistic noise.
 
-Every repeat draws other pressures, another start (15 % off in every parameter) and other noise, fits, and looks whether the
-true values lie within the 95 % intervals. Wanted: 90 to 99 % of them for parameters that are well known (standard error
-below 5 %), and a mean error below 1 %.
+Every repeat draws other pressures, another start (15 % off in every parameter) and other noise, fits, and looks whether
+the true values lie within the 95 % intervals. Wanted: 90 to 99 % of them for parameters that are well known (standard
+error below 5 %), and a mean error below 1 %.
 
     python -m benches.identify_recovery --repeats 100
     python -m benches.identify_recovery --speed
@@ -88,7 +88,9 @@ def recover(case: Case, repeats: int, settings: Settings) -> None:
         spread = 100 * relative[:, k].std(ddof=1) / np.sqrt(repeats) if repeats > 1 else float("nan")
         known = 100 * np.median(np.array(errors)[:, k]) / true[k]
         covered = 100 * np.mean(np.array(inside)[:, k])
-        print(f"{path:32s} {true[k]:10.4g} {known:12.2f} {100 * relative[:, k].mean():8.2f} {spread:6.2f} {covered:8.0f}")
+        print(
+            f"{path:32s} {true[k]:10.4g} {known:12.2f} {100 * relative[:, k].mean():8.2f} {spread:6.2f} {covered:8.0f}"
+        )
     print(f"all parameters together: {100 * np.mean(inside):.1f} % of intervals hold the true value")
 
 

@@ -74,9 +74,7 @@ class Model:
         members = [(arms[self.records[w.record].session], w, state) for w, state in zip(windows, states, strict=True)]
         return self._run(members)
 
-    def linearize(
-        self, z: Array, windows: Sequence[Window], states: Array
-    ) -> Iterator[tuple[Array, Array, Array]]:
+    def linearize(self, z: Array, windows: Sequence[Window], states: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Per window the prediction (rows, C), its derivative by z (rows, C, p) and by the initial state (rows, C, 6n).
 
         Windows come one after the other, so that a long log's derivatives need not be in memory all at once.
@@ -107,7 +105,9 @@ class Model:
                     scope = self.coordinates[k].sessions
                     if not scope or session in scope:
                         members.append((arms[session], windows[w], states[w]))
-                members += [(base[session], windows[w], states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)]
+                members += [
+                    (base[session], windows[w], states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)
+                ]
             outputs = iter(self._run(members))
             for w in chunk:
                 session = self.records[windows[w].record].session
@@ -165,9 +165,7 @@ class Model:
         outputs = []
         for k, (_, w, _) in enumerate(members):
             count = w.last - w.first
-            outputs.append(
-                self.records[w.record].predicted(batch.lengths[k, :count], batch.head_positions[k, :count])
-            )
+            outputs.append(self.records[w.record].predicted(batch.lengths[k, :count], batch.head_positions[k, :count]))
         return outputs
 
     def drive(self, window: Window) -> Input:

@@ -1,8 +1,9 @@
 """Which integrator and which step: as coarse as the noise allows, checked by halving.
 
-Lightly damped arms are cheapest with the classical method of order 4. Arms whose damping outweighs their masses are stiff:
-there the explicit method needs steps far below what accuracy asks for, and a linearly implicit one of order 2 is cheaper.
-What counts as accurate is set by the sensors' noise, or by what the model leaves unexplained where that is much more.
+Lightly damped arms are cheapest with the classical method of order 4. Arms whose damping outweighs their masses are
+stiff: there the explicit method needs steps far below what accuracy asks for, and a linearly implicit one of order 2 is
+cheaper. What counts as accurate is set by the sensors' noise, or by what the model leaves unexplained where that is
+much more.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _WINDOWS = 4
 def choose_integration(
     model: Model, z: Array, pieces: Sequence[Window], states: Array, *, methods: Method | None = None
 ) -> Model:
-    """The model with the cheapest integrator (or that of ``methods``) that is accurate enough over a few of the windows.
+    """The model with the cheapest integrator (or that of ``methods``) that is accurate enough over some windows.
 
     Raises:
         ConvergenceError: the simulation fails with every integrator.

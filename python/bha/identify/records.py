@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,7 +199,7 @@ def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 
         pieces = 1 if length is None else max(1, round(rec.duration / length))
         edges = np.searchsorted(rec.time, np.linspace(rec.time[0], rec.time[-1], pieces + 1))
         edges[-1] = len(rec)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             if last - first >= min_rows and rec.usable[first:last].any():
                 made.append(Window(number, int(first), int(last)))
     if not made:

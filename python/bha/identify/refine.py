@@ -22,8 +22,9 @@ from bha.identify.engine import Model
 from bha.identify.free import Coordinate, FreeParameter, resolve
 from bha.identify.initial import guess_state
 from bha.identify.integration import choose_integration, too_coarse
+from bha.identify.pressure_noise import shift
 from bha.identify.records import Record, Window, some_of, windows
-from bha.identify.solver import HUBER, Outcome, Point, Problem, Residuals, solve
+from bha.identify.solver import HUBER, Normal, Outcome, Point, Problem, Residuals, solve
 from bha.identify.uncertainty import Uncertainty, uncertainty
 from bha.simulation import Method
 
@@ -38,6 +39,8 @@ _COARSE_INTERVAL = 0.01
 #: Scales that change by less than this part are settled.
 _SETTLED = 0.05
 _SHORT_BUDGET = 20.0
+#: Noise of the pressures that adds less than this part to every variance is not corrected for.
+_PRESSURE_SHARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -75,12 +78,14 @@ class Refinement:
         problem: model, windows, scales and priors of the last stage.
         outcome: where the search ended.
         uncertainty: covariance of the coordinates there; None where it could not be computed.
+        pressure_shift: what the noise of the pressures had moved the coordinates by, already taken off, shape (p,).
         seconds: how long it took.
     """
 
     problem: Problem
     outcome: Outcome
     uncertainty: Uncertainty | None
+    pressure_shift: Array
     seconds: float
 
     @property
@@ -192,13 +197,33 @@ def refine(
     assert problem is not None
     assert outcome is not None
     tell("standard errors", len(stages) / (len(stages) + 1))
+    known, moved = None, np.zeros_like(z)
     try:
         normal = problem.normal(outcome.point, keep=True)
         known = uncertainty(problem, outcome.point, normal, seed=settings.seed, draws=settings.draws)
-    except (ConvergenceError, np.linalg.LinAlgError):
-        known = None
+        if _disturbed_by_pressures(known):
+            tell("shift by pressure noise", (len(stages) + 0.5) / (len(stages) + 1))
+            outcome, moved = _without_shift(problem, outcome, normal, settings.seed)
+    except (ConvergenceError, np.linalg.LinAlgError) as error:
+        tell(f"standard errors: {error}", len(stages) / (len(stages) + 1))
     tell("done", 1.0)
-    return Refinement(problem, outcome, known, clock.perf_counter() - began)
+    return Refinement(problem, outcome, known, moved, clock.perf_counter() - began)
+
+
+def _disturbed_by_pressures(known: Uncertainty) -> bool:
+    """Whether the noise of the pressures is worth a correction: its part of some variance."""
+    return bool(np.any(np.diag(known.from_pressures) > _PRESSURE_SHARE * np.diag(known.from_sensors)))
+
+
+def _without_shift(problem: Problem, outcome: Outcome, normal: Normal, seed: int) -> tuple[Outcome, Array]:
+    """The outcome with what pressure noise has moved it by taken off, and that (never out of the bounds)."""
+    point = outcome.point
+    moved, states = shift(problem, point, normal, seed=seed)
+    bounds = np.array([c.bounds for c in problem.model.coordinates])
+    better = problem.evaluated(np.clip(point.z - moved, *bounds.T), point.states - states)
+    if not np.isfinite(better.cost):
+        return outcome, np.zeros_like(moved)
+    return replace(outcome, point=better), point.z - better.z
 
 
 def _integrated(
@@ -253,7 +278,9 @@ def _stage_problem(
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
     """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
     arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
-    return np.stack([guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces])
+    return np.stack(
+        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
+    )
 
 
 def scales(problem: Problem, point: Point) -> Residuals:
@@ -308,5 +335,3 @@ def fit_with_scales(
 
 def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable[[int, float], None] | None:
     return None if progress is None else lambda iteration, cost: progress(iteration + by, cost)
-
-

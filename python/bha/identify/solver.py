@@ -216,7 +216,9 @@ class Problem:
 
     def _prior_cost(self, z: Array, states: Array) -> float:
         mean, deviation = self.prior
-        return float(np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2))
+        return float(
+            np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2)
+        )
 
 
 def solve(
