@@ -123,7 +123,7 @@ def main() -> None:
         speed()
         return
     case = Case(arm_of(arguments.sections), arguments.duration, arguments.rate)
-    recover(case, arguments.repeats, Settings(windows=(0.75, 6.0)))
+    recover(case, arguments.repeats, Settings(windows=(0.75, 6.0), threads=1))
 
 
 if __name__ == "__main__":

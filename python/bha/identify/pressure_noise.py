@@ -26,8 +26,8 @@ from bha.identify.solver import Normal, Point, Problem
 
 Array = NDArray[np.float64]
 
-#: Pairs of redrawn noises for the shift.
-PAIRS = 2
+#: Pairs of redrawn noises for the shift, each as costly as two steps of the search.
+PAIRS = 1
 
 
 def is_noisy(problem: Problem) -> bool:

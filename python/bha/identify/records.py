@@ -81,8 +81,18 @@ class Record:
         rows = _thinned(self.time, interval)
         return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
 
-    def predicted(self, lengths: Array, heads: Array) -> Array:
-        """The record's channels out of predicted lengths (..., 3n) and head positions (..., n, 3), shape (..., C)."""
+    @property
+    def heads_measured(self) -> bool:
+        """Whether some channel is a head's position."""
+        return any(not channel.startswith("q") for channel in self.channels)
+
+    def predicted(self, lengths: Array, heads: Array | None) -> Array:
+        """The record's channels out of predicted lengths (..., 3n) and head positions (..., n, 3), shape (..., C).
+
+        Head positions may be left out where no channel is one.
+        """
+        if heads is None:
+            return np.asarray(lengths[..., self.index])
         return np.concatenate([lengths, heads.reshape(*heads.shape[:-2], -1)], axis=-1)[..., self.index]
 
 

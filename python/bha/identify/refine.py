@@ -53,7 +53,7 @@ class Settings:
         step: step of the integrator, s; chosen and checked if None.
         method: the integrator, ``"rk4"`` or ``"ros2"``; chosen if None (``"rk4"`` where only ``step`` is given).
         interval: rows closer together than this are thinned, s; what drives the arm keeps all its samples.
-        max_iterations: most steps of the last stage.
+        max_iterations: most steps of the last stage (and at most 12 of the earlier ones).
         threads: threads of the simulations; all cores if None.
         draws: redrawn pressure noises for the standard errors; 0 leaves pressure noise out.
         seed: of the redrawn noises.
@@ -183,7 +183,7 @@ def refine(
         outcome = fit_with_scales(
             problem,
             Point(z, states),
-            max_iterations=settings.max_iterations if final else 12,
+            max_iterations=settings.max_iterations if final else min(12, settings.max_iterations),
             tolerance=_TOLERANCE if final else 1e-3,
             damping=1e-4 if number == 0 else 1e-7,
             progress=report,

@@ -111,7 +111,7 @@ def longitudinal_stiffness(
     if len({round(float(np.mean(r[0])), 4) for r in rows}) < order + 1:
         raise InputError(
             f"section {section}: {len(rows)} steady states with it straight (below {straight} rad), too few lengths "
-            f"for a law of order {order}; inflate all of its bellows evenly, in at least {order + 1} steps, and hold each"
+            f"for a law of order {order}; inflate all of its bellows evenly, in at least {order + 1} steps, hold each"
         )
     design = np.array([np.sum(_powers(e, "longitudinal", order), axis=0) for e, _, _ in rows])
     needed = np.array([n for _, n, _ in rows])
