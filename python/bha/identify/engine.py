@@ -1,8 +1,9 @@
 """Predictions of many parameter sets over many windows, and their derivatives, in one batch of simulations.
 
-Every window is simulated on a grid of the integrator's own steps (``bha.identify.grid``), so that windows of equal length
-share the lanes of the batch. Derivatives are forward differences over the batch: the step is fixed, so that a prediction is a smooth
-function of parameters and initial state and the differences are good to about 1e-6 of the derivative.
+Every window is simulated on a grid of the integrator's own steps (``bha.identify.grid``), so that windows of equal
+length share the lanes of the batch. Derivatives are forward differences over the batch: the step is fixed, so that a
+prediction is a smooth function of parameters and initial state and the differences are good to about 1e-6 of the
+derivative.
 """
 
 from __future__ import annotations

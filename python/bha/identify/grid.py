@@ -62,17 +62,17 @@ def grid_of(rows: Array, step: float) -> Grid:
 
 
 def averaged(drive: Input, step: float) -> Input:
-    """The input with pressures and forces averaged over half a step, where its samples lie closer together than that."""
+    """The input with pressures and forces averaged over half a step, where its samples lie closer together."""
     time = np.asarray(drive.time, dtype=np.float64)
     half = 0.5 * step
     if len(time) < 2 or np.median(np.diff(time)) > 0.75 * half:
         return drive
     even = time[0] + half * np.arange(int(np.floor((time[-1] - time[0]) / half)) + 1)
     even = np.append(even, time[-1]) if even[-1] < time[-1] else even
-    forces = None if drive.forces is None else drive.forces.reshape(len(time), -1)
+    forces = None
+    if drive.forces is not None:
+        forces = _means(time, drive.forces.reshape(len(time), -1), even, half).reshape(len(even), -1, 3)
     pressures = _means(time, drive.pressures, even, half)
-    if forces is not None:
-        forces = _means(time, forces, even, half).reshape(len(even), -1, 3)
     return replace(drive, time=even, pressures=pressures, forces=forces)
 
 

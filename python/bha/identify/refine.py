@@ -24,7 +24,7 @@ from bha.identify.initial import guess_state
 from bha.identify.integration import choose_integration, too_coarse
 from bha.identify.pressure_noise import shift
 from bha.identify.records import Record, Window, some_of, windows
-from bha.identify.solver import HUBER, Normal, Outcome, Point, Problem, Residuals, solve
+from bha.identify.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
 from bha.identify.uncertainty import Uncertainty, uncertainty
 from bha.simulation import Method
 
@@ -55,6 +55,9 @@ class Settings:
         interval: rows closer together than this are thinned, s; what drives the arm keeps all its samples.
         max_iterations: most steps of the last stage (and at most 12 of the earlier ones).
         threads: threads of the simulations; all cores if None.
+        state_deviation: standard deviations of initial lengths (m) and rates (m/s) of a window about what was measured
+            there. Wide by default. A model with a gap needs narrow ones where windows are long: initial states would
+            make up for the gap, and a log that is predicted from its start has none to make up with.
         draws: redrawn pressure noises for the standard errors; 0 leaves pressure noise out.
         seed: of the redrawn noises.
     """
@@ -66,6 +69,7 @@ class Settings:
     interval: float = 0.0
     max_iterations: int = 40
     threads: int | None = None
+    state_deviation: tuple[float, float] = STATE_DEVIATION
     draws: int = 24
     seed: int = 0
 
@@ -272,7 +276,8 @@ def _stage_problem(
     if budget is not None:
         pieces = some_of(pieces, model.records, budget)
     residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber)
-    return Problem(model, tuple(pieces), residuals, guess_states(model, z, pieces), prior)
+    guesses = guess_states(model, z, pieces)
+    return Problem(model, tuple(pieces), residuals, guesses, prior, settings.state_deviation)
 
 
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
