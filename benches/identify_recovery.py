@@ -1,8 +1,8 @@
 """Does identification find what is there, and does it know how well? Repeats on synthetic logs with realistic noise.
 
-Every repeat draws other pressures, another start (15 % off in every parameter) and other noise, fits, and looks whether the
-true values lie within the 95 % intervals. Wanted: 90 to 99 % of them for parameters that are well known (standard error
-below 5 %), and a mean error below 1 %.
+Every repeat draws other pressures, another start (15 % off in every parameter) and other noise, fits, and looks whether
+the true values lie within the 95 % intervals. Wanted: 90 to 99 % of them for parameters that are well known (standard
+error below 5 %), and a mean error below 1 %.
 
     python -m benches.identify_recovery --repeats 100
     python -m benches.identify_recovery --speed
@@ -123,7 +123,7 @@ def main() -> None:
         speed()
         return
     case = Case(arm_of(arguments.sections), arguments.duration, arguments.rate)
-    recover(case, arguments.repeats, Settings(windows=(0.75, 6.0)))
+    recover(case, arguments.repeats, Settings(windows=(0.75, 6.0), threads=1))
 
 
 if __name__ == "__main__":

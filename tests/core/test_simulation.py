@@ -150,7 +150,7 @@ def test_a_step_limit_is_an_error_that_says_so() -> None:
         ({"times": [1.0, 0.0]}, "backwards from 1 to 0 s at sample 1"),
         ({"times": [0.0, 1.0, 2.0]}, "pressures: 12 values; 3 samples of 6"),
         ({"q": np.zeros(5)}, r"q: expected shape \(6,\), found \[5\]"),
-        ({"method": "euler"}, 'method: "euler"; "dopri5" or "rk4" are allowed'),
+        ({"method": "euler"}, 'method: "euler"; "dopri5", "rk4" or "ros2" are allowed'),
         ({"interpolation": "cubic"}, 'interpolation: "cubic"; "linear" or "hold" are allowed'),
         ({"step": 0.0}, "step: 0; a positive number"),
         ({"rtol": float("nan")}, "rtol: NaN; a positive number"),

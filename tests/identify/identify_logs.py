@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def one_section(**changes: float) -> bha.Arm:
-    """The first section of the nominal arm alone, lighter in computing time; ``changes`` by the last steps of a path."""
+    """The first section of the nominal arm alone, quick to simulate; ``changes`` by the last steps of a path."""
     mapping = bha.robots.parameters("bha_nominal").to_mapping()
     mapping["section"] = mapping["section"][:1]
     parameters = ArmParameters.from_mapping(mapping)
@@ -25,7 +25,9 @@ def one_section(**changes: float) -> bha.Arm:
 
 def off(arm: bha.Arm, factors: dict[str, float]) -> bha.Arm:
     """The arm with some numbers multiplied."""
-    return bha.Arm(paths.with_values(arm.parameters, {p: f * paths.get_value(arm.parameters, p) for p, f in factors.items()}))
+    return bha.Arm(
+        paths.with_values(arm.parameters, {p: f * paths.get_value(arm.parameters, p) for p, f in factors.items()})
+    )
 
 
 def multisine(arm: bha.Arm, duration: float, rate: float, seed: int, amplitude: float = 2e4) -> bha.Input:

@@ -22,7 +22,9 @@ def test_value_and_coordinate_are_inverse() -> None:
 
 
 def test_positive_numbers_are_logarithmic() -> None:
-    kinds = {c.path: c.logarithmic for c in resolve(PARAMETERS, ["section.1.mass", "section.1.stiffness.2", "gravity.x"])}
+    kinds = {
+        c.path: c.logarithmic for c in resolve(PARAMETERS, ["section.1.mass", "section.1.stiffness.2", "gravity.x"])
+    }
     assert kinds == {"section.1.mass": True, "section.1.stiffness.2": False, "gravity.x": False}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from .identify_logs import holds, measured, off, one_section
 
 import bha
 from bha.identify import (
@@ -19,14 +18,16 @@ from bha.identify import (
 )
 from bha.parameters import paths
 
+from .identify_logs import holds, measured, off, one_section
+
 LEVELS = [0.85e5, 1.0e5, 1.15e5, 1.3e5, 1.45e5]
 
 
-def release(arm: bha.Arm, duration: float = 4.0, rate: float = 100.0) -> bha.Input:
-    """A sideways force that lets go after a second."""
+def release(arm: bha.Arm, duration: float = 4.0, rate: float = 500.0) -> bha.Input:
+    """A sideways force, as of a hand, that lets go after a second: 3 mm at the bellows, ten times the noise."""
     time = np.arange(0.0, duration + 1.0, 1.0 / rate)
     forces = np.zeros((len(time), arm.section_count, 3))
-    forces[time < 1.0, -1, 0] = 4.0
+    forces[time < 1.0, -1, 0] = 10.0
     return bha.Input(time, np.full((len(time), len(arm.inputs)), 1.2e5), forces)
 
 
@@ -89,8 +90,14 @@ def test_swing_damping() -> None:
     assert abs(value - 18.0) < 4.0 * error
     assert error < 1.0
     (wave,) = fit.oscillations
-    assert np.std(wave.measured - wave.fitted) < 0.2 * np.std(wave.measured)
-    assert 0.3 < wave.frequency < 20.0
+    assert np.std(wave.measured - wave.fitted) == pytest.approx(3e-4, rel=0.1)
+    # The slowest modes are those of the linearized arm, not of the fit's start.
+    pressures = np.full(3, 1.2e5)
+    rest = arm.static_lengths(pressures)
+    values = np.linalg.eigvals(arm.linearize(rest, np.zeros(3), pressures)[0])
+    slowest = values[values.imag > 0][np.argmin(np.abs(values[values.imag > 0]))]
+    assert wave.frequency == pytest.approx(slowest.imag / (2 * np.pi), rel=0.1)
+    assert wave.decay == pytest.approx(-slowest.real, rel=0.2)
 
 
 def test_no_swing() -> None:
@@ -105,8 +112,8 @@ def test_inertia_by_56_and_57() -> None:
     mass, radius, mean, longest = 0.75, 0.13, 0.2, 0.3
     assert found.cylinder[0] == pytest.approx(mass * (radius**2 / 4 + mean**2 / 12))
     assert found.cylinder[2] == pytest.approx(mass * radius**2 / 2)
-    assert found.upper_bound == pytest.approx(
-        (mass * (radius**2 / 2 + longest**2 / 12),) * 2 + (mass * radius**2,)
-    )
+    assert found.upper_bound == pytest.approx((mass * (radius**2 / 2 + longest**2 / 12),) * 2 + (mass * radius**2,))
     assert found.plausible
-    assert not inertia(paths.with_values(one_section().parameters, {"section.1.inertia.x": 1.0 / 20, "section.1.inertia.y": 1.0 / 20}))[0].plausible
+    assert not inertia(
+        paths.with_values(one_section().parameters, {"section.1.inertia.x": 1.0 / 20, "section.1.inertia.y": 1.0 / 20})
+    )[0].plausible

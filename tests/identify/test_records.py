@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from .identify_logs import measured, multisine, one_section
 
 import bha
 from bha.identify import frozen_spans, record
 from bha.identify.records import some_of, windows
 from bha.log import Log
+
+from .identify_logs import measured, multisine, one_section
 
 
 def test_channels_and_noise() -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from .identify_logs import measured, multisine, off, one_section
 
 import bha
 from bha.identify import FreeParameter, Settings, default_free, identification, record, refine
 from bha.identify.solver import Problem
 from bha.parameters import paths
+
+from .identify_logs import measured, multisine, off, one_section
 
 FREE = ("section.1.mass", "section.1.stiffness.1", "section.1.bending_stiffness.1", "section.1.damping")
 FACTORS = dict(zip(FREE, (1.3, 0.8, 1.35, 1.6), strict=True))
@@ -83,9 +84,7 @@ def test_same_seed_same_result_whatever_the_threads() -> None:
     arm = one_section()
     start = off(arm, FACTORS)
     rec = record(start, measured(arm, multisine(arm, 3.0, 100.0, 7)))
-    one, two = (
-        refine(start, [rec], FREE, Settings(windows=(1.5,), draws=4, threads=threads)) for threads in (1, 2)
-    )
+    one, two = (refine(start, [rec], FREE, Settings(windows=(1.5,), draws=4, threads=threads)) for threads in (1, 2))
     assert np.array_equal(one.values, two.values)
     assert np.array_equal(one.standard_errors, two.standard_errors)
 

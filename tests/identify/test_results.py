@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from .identify_logs import measured, multisine, off, one_section
 
 import bha
 from bha.cli import main
 from bha.identify import FreeParameter, Identification, Settings, excite, identify
 from bha.parameters import ArmParameters, paths
+
+from .identify_logs import measured, multisine, off, one_section
 
 FREE = ("section.1.mass", "section.1.stiffness.1", "section.1.bending_stiffness.1", "section.1.damping")
 
@@ -65,7 +66,7 @@ def test_residuals_are_judged(result: Identification) -> None:
 
 
 def test_a_gap_is_not_swallowed(files: Path) -> None:
-    """Springs that are far from what the arm says, with only the mass free: the mass ends at its bound, and it is said."""
+    """Springs far from what the arm says, with only the mass free: the mass ends at its bound, and it is said."""
     arm = one_section()
     log = measured(off(arm, {"section.1.stiffness.1": 1.6}), multisine(arm, 3.0, 100.0, 3))
     free = [FreeParameter("section.1.mass", lower=0.6, upper=0.9)]
@@ -89,7 +90,15 @@ def test_command(files: Path) -> None:
 
 
 def test_command_that_does_not_converge(files: Path) -> None:
-    arguments = ["identify", str(files / "start.toml"), str(files / "fit.csv"), "--windows", "all", "--max-iterations", "1"]
+    arguments = [
+        "identify",
+        str(files / "start.toml"),
+        str(files / "fit.csv"),
+        "--windows",
+        "all",
+        "--max-iterations",
+        "1",
+    ]
     arguments += ["--free", FREE[0], "--free", FREE[1], "--out", str(files / "best.toml")]
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 3, done.output

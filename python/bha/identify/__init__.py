@@ -1,8 +1,8 @@
 """Identification: from measured logs to the parameters of an arm, with how well they are known.
 
 ``identify`` does the whole of it. Its parts: ``record`` (logs as residuals see them), ``refine`` (joint fit by output
-error), ``identification`` (what is known and what is left), ``predict`` (held-out logs); ``fit_poses`` fits what a slow arm
-tells. The paper's procedures of section IV, each on its own, are ``inertia``, ``longitudinal_stiffness``,
+error), ``identification`` (what is known and what is left), ``predict`` (held-out logs); ``fit_poses`` fits what a slow
+arm tells. The paper's procedures of section IV, each on its own, are ``inertia``, ``longitudinal_stiffness``,
 ``bending_stiffness`` and ``swing_damping``; ``excite`` proposes what to measure.
 """
 

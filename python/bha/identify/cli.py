@@ -166,7 +166,9 @@ def _windows(text: str) -> tuple[float | None, ...]:
         except ValueError:
             length = float("nan")
         if not 0.0 < length < float("inf"):
-            raise InputError(f"--windows {text}: {part!r}; positive numbers of seconds or 'all' are needed, as in 0.75,6")
+            raise InputError(
+                f"--windows {text}: {part!r}; positive numbers of seconds or 'all' are needed, as in 0.75,6"
+            )
         found.append(length)
     return tuple(found)
 

@@ -1,7 +1,9 @@
 """Predictions of many parameter sets over many windows, and their derivatives, in one batch of simulations.
 
-Derivatives are forward differences over the batch: the integrator has a fixed step, so that a prediction is a smooth
-function of parameters and initial state and the differences are good to about 1e-6 of the derivative.
+Every window is simulated on a grid of the integrator's own steps (``bha.identify.grid``), so that windows of equal
+length share the lanes of the batch. Derivatives are forward differences over the batch: the step is fixed, so that a
+prediction is a smooth function of parameters and initial state and the differences are good to about 1e-6 of the
+derivative.
 """
 
 from __future__ import annotations
@@ -16,9 +18,10 @@ from bha.arm import Arm
 from bha.batch import Batch, simulate_batch
 from bha.errors import ConvergenceError, ParameterError
 from bha.identify.free import Coordinate, apply
+from bha.identify.grid import averaged, grid_of
 from bha.identify.records import Record, Window
 from bha.parameters import ArmParameters
-from bha.simulation import Input, Method
+from bha.simulation import Method
 
 Array = NDArray[np.float64]
 
@@ -74,9 +77,7 @@ class Model:
         members = [(arms[self.records[w.record].session], w, state) for w, state in zip(windows, states, strict=True)]
         return self._run(members)
 
-    def linearize(
-        self, z: Array, windows: Sequence[Window], states: Array
-    ) -> Iterator[tuple[Array, Array, Array]]:
+    def linearize(self, z: Array, windows: Sequence[Window], states: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Per window the prediction (rows, C), its derivative by z (rows, C, p) and by the initial state (rows, C, 6n).
 
         Windows come one after the other, so that a long log's derivatives need not be in memory all at once.
@@ -107,7 +108,9 @@ class Model:
                     scope = self.coordinates[k].sessions
                     if not scope or session in scope:
                         members.append((arms[session], windows[w], states[w]))
-                members += [(base[session], windows[w], states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)]
+                members += [
+                    (base[session], windows[w], states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)
+                ]
             outputs = iter(self._run(members))
             for w in chunk:
                 session = self.records[windows[w].record].session
@@ -137,39 +140,40 @@ class Model:
         chunks: list[list[int]] = [[]]
         longest = 0
         for k, window in enumerate(windows):
-            longest = max(longest, window.last - window.first)
+            rows = self._grid_rows(window)
+            longest = max(longest, rows)
             if chunks[-1] and (len(chunks[-1]) + 1) * members * longest * n > _BATCH_VALUES:
                 chunks.append([])
-                longest = window.last - window.first
+                longest = rows
             chunks[-1].append(k)
         return chunks
 
+    def _grid_rows(self, window: Window) -> int:
+        time = self.records[window.record].time
+        return int((time[window.last - 1] - time[window.first]) / self.step) + 2
+
     def _run(self, members: Sequence[tuple[Arm, Window, Array]]) -> list[Array]:
-        rows = max(w.last - w.first for _, w, _ in members)
-        times = np.full((len(members), rows), np.nan)
+        pieces = dict.fromkeys(w for _, w, _ in members)
+        grids = {w: grid_of(self.records[w.record].time[w.first : w.last], self.step) for w in pieces}
+        drives = {w.record: averaged(self.records[w.record].drive, self.step) for w in grids}
+        times = np.full((len(members), max(len(g.time) for g in grids.values())), np.nan)
         for k, (_, w, _) in enumerate(members):
-            times[k, : w.last - w.first] = self.records[w.record].time[w.first : w.last]
+            times[k, : len(grids[w].time)] = grids[w].time
         batch: Batch = simulate_batch(
             [arm for arm, _, _ in members],
-            [self.drive(w) for _, w, _ in members],
+            [drives[w.record] for _, w, _ in members],
             np.stack([state for _, _, state in members]),
             times=times,
             start=times[:, 0].copy(),
             method=self.method,
-            step=self.step,
+            step=self.step * (1.0 + 1e-9),
             velocities=False,
-            head_positions=True,
+            head_positions=any(rec.heads_measured for rec in self.records),
             threads=self.threads,
         )
-        assert batch.head_positions is not None
         outputs = []
         for k, (_, w, _) in enumerate(members):
-            count = w.last - w.first
-            outputs.append(
-                self.records[w.record].predicted(batch.lengths[k, :count], batch.head_positions[k, :count])
-            )
+            rec, grid = self.records[w.record], grids[w]
+            heads = None if batch.head_positions is None else batch.head_positions[k, : len(grid.time)]
+            outputs.append(grid.at_rows(rec.predicted(batch.lengths[k, : len(grid.time)], heads)))
         return outputs
-
-    def drive(self, window: Window) -> Input:
-        """What drives a window."""
-        return self.records[window.record].drive

@@ -1,9 +1,9 @@
 """Excitation: pressures that make parameters known, and how well, before anything is measured.
 
 Four pieces follow each other, between which the arm rests at the middle of its pressures: steps that are held, at every
-input alone and all together (stiffness, rest), a multisine of all inputs at once (everything), and a release, which is a
-fast fall of one side's pressures from a bent pose (damping where nobody pulls at the arm). All stay within the pressure
-range of every section and within the lengths of the model's poses.
+input alone and all together (stiffness, rest), a multisine of all inputs at once (everything), and a release, which is
+a fast fall of one side's pressures from a bent pose (damping where nobody pulls at the arm). All stay within the
+pressure range of every section and within the lengths of the model's poses.
 
 How well each parameter would be known follows from the Fisher information of the simulated log with the sensor noise
 that is asked for; nothing is fitted.
@@ -22,8 +22,8 @@ from bha.errors import ConvergenceError, InputError
 from bha.identify.engine import Model
 from bha.identify.free import FreeParameter, default_free, resolve
 from bha.identify.identifiability import Combination, unknown_combinations
-from bha.identify.records import Record, windows
 from bha.identify.integration import choose_integration
+from bha.identify.records import Record, windows
 from bha.identify.solver import Point, Problem, Residuals
 from bha.log import Log
 from bha.names import length_name
@@ -99,7 +99,8 @@ def excite(
         duration: of the whole, s.
         rate: samples a second.
         kinds: which pieces, of ``hold``, ``multisine``, ``release``.
-        amplitude: part of half the pressure range that is used, above 0 and up to 1; it is lowered where the model would
+        amplitude: part of half the pressure range that is used, above 0 and up to 1; it is lowered where the model
+        would
             leave its length range.
         highest_frequency: of the multisine, Hz.
         free: parameters to judge; those of :func:`bha.identify.default_free` if None.
@@ -120,8 +121,8 @@ def excite(
         share *= 0.8
     else:
         raise ConvergenceError(
-            "even small pressures about the middle of the range drive the model out of its lengths; check pressure_range, "
-            "length_range and stiffness of the arm"
+            "even small pressures about the middle of the range drive the model out of its lengths; check "
+            "pressure_range, length_range and stiffness of the arm"
         )
     prospects, unknown = predict_knowledge(
         arm, time, pressures, default_free(arm.parameters) if free is None else free, noise
@@ -194,12 +195,14 @@ def _signal(
     ramp = max(1, round(RAMP * rate))
     kernel = np.ones(ramp) / ramp
     # Smoothed from the past only, so that nothing moves before it is commanded.
-    smooth = np.column_stack([np.convolve(np.concatenate([np.full(ramp - 1, u[0]), u]), kernel, "valid") for u in unit.T])
+    smooth = np.column_stack(
+        [np.convolve(np.concatenate([np.full(ramp - 1, u[0]), u]), kernel, "valid") for u in unit.T]
+    )
     return time, middle + reach * smooth
 
 
 def _multisine(random: np.random.Generator, t: Array, inputs: int, highest: float) -> Array:
-    """Sums of sines with random phases, another set of frequencies for every input, faded in and out, within -1 to 1."""
+    """Sums of sines with random phases, others for every input, faded in and out, within -1 to 1."""
     lines = np.geomspace(max(1.0 / t[-1], 0.05), highest, _SINES * inputs).reshape(_SINES, inputs)
     phases = random.uniform(0.0, 2.0 * np.pi, lines.shape)
     signal = np.sin(2.0 * np.pi * lines * t[:, None, None] + phases).sum(axis=1)
@@ -267,7 +270,12 @@ def _check(
         ("duration", duration, duration >= 1.0, "at least 1 s"),
         ("rate", rate, 10.0 <= rate <= 1e4, "10 to 10000 samples a second"),
         ("amplitude", amplitude, 0.0 < amplitude <= 1.0, "above 0 and up to 1"),
-        ("highest_frequency", highest_frequency, 0.05 < highest_frequency <= rate / 4, "above 0.05 Hz, up to a quarter of the rate"),
+        (
+            "highest_frequency",
+            highest_frequency,
+            0.05 < highest_frequency <= rate / 4,
+            "above 0.05 Hz, up to a quarter of the rate",
+        ),
         ("noise", noise, noise > 0.0, "a positive number (m)"),
     ):
         if not (np.isfinite(value) and ok):

@@ -67,8 +67,8 @@ def predict(
 ) -> list[Prediction]:
     """Predict whole records with an arm; the initial state of each is estimated from its first second.
 
-    The integrator is chosen for each record unless ``step`` (of the classical method) is given. A simulation that fails is
-    reported in its place.
+    The integrator is chosen for each record unless ``step`` (of the classical method) is given. A simulation that fails
+    is reported in its place.
     """
     return [_predict(arm, rec, step, threads) for rec in records]
 

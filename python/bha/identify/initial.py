@@ -21,15 +21,36 @@ Array = NDArray[np.float64]
 SMOOTHING_SECONDS = 0.06
 #: How far a pose may be from the one the pressures hold before that counts against it, m.
 _POSE_DEVIATION = 0.02
+#: Channels are not trusted more than this, m.
+_LEAST_DEVIATION = 1e-5
 
 
 def guess_state(arm: Arm, rec: Record, row: int) -> Array:
     """Lengths and rates of the arm at a row of a record, shape (6n,)."""
-    n = 3 * arm.section_count
     values, rates, deviation = _local_fit(rec, row)
-    rest = _rest(arm, rec, row)
+    pressures = np.array([np.interp(rec.time[row], rec.drive.time, p) for p in rec.drive.pressures.T])
+    q = pose(arm, rec, values, deviation, pressures)
+    seen, weight = np.isfinite(values), 1.0 / np.maximum(deviation, _LEAST_DEVIATION)
+    _, jacobian = _channels(arm, rec, q)
+    lhs = np.vstack([jacobian[seen] * weight[seen, None], np.eye(len(q))])
+    rhs = np.concatenate([rates[seen] * weight[seen], np.zeros(len(q))])
+    return np.concatenate([q, np.linalg.lstsq(lhs, rhs, rcond=None)[0]])
+
+
+def pose(arm: Arm, rec: Record, values: Array, deviation: Array, pressures: Array) -> Array:
+    """Lengths that fit measured channels best, shape (3n,).
+
+    Args:
+        arm: the arm.
+        rec: names the channels.
+        values: measured channels, m, shape (C,); NaN for one that was not.
+        deviation: standard deviation of each, m, shape (C,).
+        pressures: Pa, shape (inputs,); the pose they hold decides what no channel tells.
+    """
+    n = 3 * arm.section_count
+    rest = _rest(arm, pressures)
     q = rest.copy()
-    weight = 1.0 / np.maximum(deviation, 1e-5)
+    weight = 1.0 / np.maximum(deviation, _LEAST_DEVIATION)
     seen = np.isfinite(values)
     for _ in range(12):
         predicted, jacobian = _channels(arm, rec, q)
@@ -40,10 +61,7 @@ def guess_state(arm: Arm, rec: Record, row: int) -> Array:
         q = q + np.clip(step, -0.02, 0.02)
         if np.abs(step).max() < 1e-9:
             break
-    _, jacobian = _channels(arm, rec, q)
-    lhs = np.vstack([jacobian[seen] * weight[seen, None], np.eye(n)])
-    rhs = np.concatenate([rates[seen] * weight[seen], np.zeros(n)])
-    return np.concatenate([q, np.linalg.lstsq(lhs, rhs, rcond=None)[0]])
+    return q
 
 
 def _local_fit(rec: Record, row: int) -> tuple[Array, Array, Array]:
@@ -66,9 +84,8 @@ def _local_fit(rec: Record, row: int) -> tuple[Array, Array, Array]:
     return values, rates, rec.noise
 
 
-def _rest(arm: Arm, rec: Record, row: int) -> Array:
-    """The pose that the pressures at a row hold; the middle of the range where there is none."""
-    pressures = np.array([np.interp(rec.time[row], rec.drive.time, p) for p in rec.drive.pressures.T])
+def _rest(arm: Arm, pressures: Array) -> Array:
+    """The pose that pressures hold; the middle of the range where there is none."""
     middle = np.repeat([sum(s.length_range) / 2 for s in arm.parameters.sections], 3)
     try:
         q: Array = arm.static_lengths(pressures)

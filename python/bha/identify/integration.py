@@ -1,8 +1,9 @@
 """Which integrator and which step: as coarse as the noise allows, checked by halving.
 
-Lightly damped arms are cheapest with the classical method of order 4. Arms whose damping outweighs their masses are stiff:
-there the explicit method needs steps far below what accuracy asks for, and a linearly implicit one of order 2 is cheaper.
-What counts as accurate is set by the sensors' noise, or by what the model leaves unexplained where that is much more.
+Lightly damped arms are cheapest with the classical method of order 4. Arms whose damping outweighs their masses are
+stiff: there the explicit method needs steps far below what accuracy asks for, and a linearly implicit one of order 2 is
+cheaper. What counts as accurate is set by the sensors' noise, or by what the model leaves unexplained where that is
+much more.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ Array = NDArray[np.float64]
 _NOISE_SHARE = 0.1
 _RESIDUAL_SHARE = 0.01
 #: A classical step as long as this is not worth comparing with the implicit method, s.
-_GOOD_STEP = 1e-3
+_GOOD_STEP = 2.5e-3
 _WINDOWS = 4
 
 
 def choose_integration(
     model: Model, z: Array, pieces: Sequence[Window], states: Array, *, methods: Method | None = None
 ) -> Model:
-    """The model with the cheapest integrator (or that of ``methods``) that is accurate enough over a few of the windows.
+    """The model with the cheapest integrator (or that of ``methods``) that is accurate enough over some windows.
 
     Raises:
         ConvergenceError: the simulation fails with every integrator.
@@ -40,7 +41,7 @@ def choose_integration(
     chosen = np.unique(np.linspace(0, len(pieces) - 1, min(_WINDOWS, len(pieces))).astype(int))
     some, their = [pieces[k] for k in chosen], states[chosen]
     explicit = None if methods == "ros2" else _longest(replace(model, method="rk4"), z, some, their)
-    if explicit is not None and explicit >= min(_GOOD_STEP, _interval(model, some)):
+    if explicit is not None and explicit >= _GOOD_STEP:
         return replace(model, method="rk4", step=explicit)
     implicit = None if methods == "rk4" else _longest(replace(model, method="ros2"), z, some, their)
     candidates: tuple[tuple[Method, float | None], ...] = (("rk4", explicit), ("ros2", implicit))
@@ -67,17 +68,11 @@ def too_coarse(problem: Problem, point: Point) -> bool:
     return _excess(model, problem.windows, coarse, fine) > 2.0
 
 
-def _interval(model: Model, some: Sequence[Window]) -> float:
-    return max(float(np.median(np.diff(model.records[w.record].time[w.first : w.last]))) for w in some)
-
-
 def _longest(model: Model, z: Array, some: Sequence[Window], states: Array) -> float | None:
-    """The longest step that halving does not change too much; none is longer than the interval of the rows."""
-    interval = _interval(model, some)
-    steps = [s for s in STEPS if s <= 1.01 * interval] or [STEPS[-1]]
+    """The longest step that halving does not change too much."""
     coarse: list[Array] | None = None
-    previous = steps[0]
-    for step in (*steps, steps[-1] / 2):
+    previous = STEPS[0]
+    for step in (*STEPS, STEPS[-1] / 2):
         fine = replace(model, step=step).predict(z, some, states)
         if coarse is not None and _excess(model, some, coarse, fine) < 1.0:
             return previous

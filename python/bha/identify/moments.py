@@ -1,8 +1,8 @@
 """Moments of inertia from geometry and mass, paper section IV-B.
 
-(56): a solid cylinder of the section's mean height and of radius r_B + r_b. (57): the upper bound, a hollow cylinder of the
-greatest length with its whole mass at that radius, for the bound of the rotational energy (Fig. 11). Moments are about
-the centre of mass, along the head frame's axes.
+(56): a solid cylinder of the section's mean height and of radius r_B + r_b. (57): the upper bound, a hollow cylinder of
+the greatest length with its whole mass at that radius, for the bound of the rotational energy (Fig. 11). Moments are
+about the centre of mass, along the head frame's axes.
 """
 
 from __future__ import annotations

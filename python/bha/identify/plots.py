@@ -1,4 +1,4 @@
-"""Pictures of an identification: fit and residuals, held-out logs, correlations; Figs. 8 to 10 of the paper's procedures."""
+"""Pictures of an identification: held-out logs, correlations; Figs. 8 to 10 of the paper's procedures."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def plot_prediction(result: Identification, number: int) -> Figure:
                  **line_options(SOLID, COLORS[0]), label="measured")  # fmt: skip
             for prediction, color, label in ((held.before, COLORS[2], "before"), (held.after, COLORS[1], "after")):
                 if prediction.failed is None:
-                    draw(axes, rec.time, _MM * prediction.predicted[:, place], **line_options(DASHED, color), label=label)
+                    draw(
+                        axes, rec.time, _MM * prediction.predicted[:, place], **line_options(DASHED, color), label=label
+                    )
             axes.set_title(f"{channel}: {_MM * held.after.rms[place]:.2g} mm")
             if place // columns == rows - 1:
                 axes.set_xlabel("t [s]")
@@ -59,7 +61,7 @@ def plot_correlation(result: Identification) -> Figure:
 
 
 def plot_stiffness(fit: StiffnessFit) -> Figure:
-    """A law fitted to steady states: spring force against elongation (Fig. 8) or bending moment against angle (Fig. 9)."""
+    """A law fitted to steady states: spring force over elongation (Fig. 8) or bending moment over angle (Fig. 9)."""
     longitudinal = fit.law == "longitudinal"
     with figure_of_size(3.6, 2.8) as figure:
         axes = figure.subplots()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,8 +81,18 @@ class Record:
         rows = _thinned(self.time, interval)
         return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
 
-    def predicted(self, lengths: Array, heads: Array) -> Array:
-        """The record's channels out of predicted lengths (..., 3n) and head positions (..., n, 3), shape (..., C)."""
+    @property
+    def heads_measured(self) -> bool:
+        """Whether some channel is a head's position."""
+        return any(not channel.startswith("q") for channel in self.channels)
+
+    def predicted(self, lengths: Array, heads: Array | None) -> Array:
+        """The record's channels out of predicted lengths (..., 3n) and head positions (..., n, 3), shape (..., C).
+
+        Head positions may be left out where no channel is one.
+        """
+        if heads is None:
+            return np.asarray(lengths[..., self.index])
         return np.concatenate([lengths, heads.reshape(*heads.shape[:-2], -1)], axis=-1)[..., self.index]
 
 
@@ -198,7 +209,7 @@ def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 
         pieces = 1 if length is None else max(1, round(rec.duration / length))
         edges = np.searchsorted(rec.time, np.linspace(rec.time[0], rec.time[-1], pieces + 1))
         edges[-1] = len(rec)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             if last - first >= min_rows and rec.usable[first:last].any():
                 made.append(Window(number, int(first), int(last)))
     if not made:

@@ -22,8 +22,9 @@ from bha.identify.engine import Model
 from bha.identify.free import Coordinate, FreeParameter, resolve
 from bha.identify.initial import guess_state
 from bha.identify.integration import choose_integration, too_coarse
+from bha.identify.pressure_noise import shift
 from bha.identify.records import Record, Window, some_of, windows
-from bha.identify.solver import HUBER, Outcome, Point, Problem, Residuals, solve
+from bha.identify.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
 from bha.identify.uncertainty import Uncertainty, uncertainty
 from bha.simulation import Method
 
@@ -38,6 +39,8 @@ _COARSE_INTERVAL = 0.01
 #: Scales that change by less than this part are settled.
 _SETTLED = 0.05
 _SHORT_BUDGET = 20.0
+#: Noise of the pressures that adds less than this part to every variance is not corrected for.
+_PRESSURE_SHARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,11 @@ class Settings:
         step: step of the integrator, s; chosen and checked if None.
         method: the integrator, ``"rk4"`` or ``"ros2"``; chosen if None (``"rk4"`` where only ``step`` is given).
         interval: rows closer together than this are thinned, s; what drives the arm keeps all its samples.
-        max_iterations: most steps of the last stage.
+        max_iterations: most steps of the last stage (and at most 12 of the earlier ones).
         threads: threads of the simulations; all cores if None.
+        state_deviation: standard deviations of initial lengths (m) and rates (m/s) of a window about what was measured
+            there. Wide by default. A model with a gap needs narrow ones where windows are long: initial states would
+            make up for the gap, and a log that is predicted from its start has none to make up with.
         draws: redrawn pressure noises for the standard errors; 0 leaves pressure noise out.
         seed: of the redrawn noises.
     """
@@ -63,6 +69,7 @@ class Settings:
     interval: float = 0.0
     max_iterations: int = 40
     threads: int | None = None
+    state_deviation: tuple[float, float] = STATE_DEVIATION
     draws: int = 24
     seed: int = 0
 
@@ -75,12 +82,14 @@ class Refinement:
         problem: model, windows, scales and priors of the last stage.
         outcome: where the search ended.
         uncertainty: covariance of the coordinates there; None where it could not be computed.
+        pressure_shift: what the noise of the pressures had moved the coordinates by, already taken off, shape (p,).
         seconds: how long it took.
     """
 
     problem: Problem
     outcome: Outcome
     uncertainty: Uncertainty | None
+    pressure_shift: Array
     seconds: float
 
     @property
@@ -178,7 +187,7 @@ def refine(
         outcome = fit_with_scales(
             problem,
             Point(z, states),
-            max_iterations=settings.max_iterations if final else 12,
+            max_iterations=settings.max_iterations if final else min(12, settings.max_iterations),
             tolerance=_TOLERANCE if final else 1e-3,
             damping=1e-4 if number == 0 else 1e-7,
             progress=report,
@@ -192,13 +201,33 @@ def refine(
     assert problem is not None
     assert outcome is not None
     tell("standard errors", len(stages) / (len(stages) + 1))
+    known, moved = None, np.zeros_like(z)
     try:
         normal = problem.normal(outcome.point, keep=True)
         known = uncertainty(problem, outcome.point, normal, seed=settings.seed, draws=settings.draws)
-    except (ConvergenceError, np.linalg.LinAlgError):
-        known = None
+        if _disturbed_by_pressures(known):
+            tell("shift by pressure noise", (len(stages) + 0.5) / (len(stages) + 1))
+            outcome, moved = _without_shift(problem, outcome, normal, settings.seed)
+    except (ConvergenceError, np.linalg.LinAlgError) as error:
+        tell(f"standard errors: {error}", len(stages) / (len(stages) + 1))
     tell("done", 1.0)
-    return Refinement(problem, outcome, known, clock.perf_counter() - began)
+    return Refinement(problem, outcome, known, moved, clock.perf_counter() - began)
+
+
+def _disturbed_by_pressures(known: Uncertainty) -> bool:
+    """Whether the noise of the pressures is worth a correction: its part of some variance."""
+    return bool(np.any(np.diag(known.from_pressures) > _PRESSURE_SHARE * np.diag(known.from_sensors)))
+
+
+def _without_shift(problem: Problem, outcome: Outcome, normal: Normal, seed: int) -> tuple[Outcome, Array]:
+    """The outcome with what pressure noise has moved it by taken off, and that (never out of the bounds)."""
+    point = outcome.point
+    moved, states = shift(problem, point, normal, seed=seed)
+    bounds = np.array([c.bounds for c in problem.model.coordinates])
+    better = problem.evaluated(np.clip(point.z - moved, *bounds.T), point.states - states)
+    if not np.isfinite(better.cost):
+        return outcome, np.zeros_like(moved)
+    return replace(outcome, point=better), point.z - better.z
 
 
 def _integrated(
@@ -247,13 +276,16 @@ def _stage_problem(
     if budget is not None:
         pieces = some_of(pieces, model.records, budget)
     residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber)
-    return Problem(model, tuple(pieces), residuals, guess_states(model, z, pieces), prior)
+    guesses = guess_states(model, z, pieces)
+    return Problem(model, tuple(pieces), residuals, guesses, prior, settings.state_deviation)
 
 
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
     """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
     arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
-    return np.stack([guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces])
+    return np.stack(
+        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
+    )
 
 
 def scales(problem: Problem, point: Point) -> Residuals:
@@ -308,5 +340,3 @@ def fit_with_scales(
 
 def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable[[int, float], None] | None:
     return None if progress is None else lambda iteration, cost: progress(iteration + by, cost)
-
-

@@ -18,6 +18,7 @@ from bha.identify.uncertainty import correlation_length
 Array = NDArray[np.float64]
 
 _LAGS = 25
+_INPUT_LAGS = 12
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,14 @@ def channel_residuals(
     for number, rec in enumerate(records):
         mine = [(w, e) for w, e in zip(pieces, errors, strict=True) if w.record == number]
         interval = rec.duration / max(len(rec) - 1, 1)
+        pressures = np.column_stack([np.interp(rec.time, rec.drive.time, p) for p in rec.drive.pressures.T])
         for c, channel in enumerate(rec.channels):
             series = [np.nan_to_num(e[:, c]) for _, e in mine]
             size = np.concatenate([e[:, c] for _, e in mine]) if mine else np.zeros(0)
             size = size[np.isfinite(size)]
             if not len(size):
                 continue
-            follows, by = _strongest_input(rec, mine, c, inputs, interval)
+            follows, by = _strongest_input(pressures, mine, c, inputs, interval)
             found.append(
                 ChannelResidual(
                     record=rec.name,
@@ -92,22 +94,34 @@ def _is_white(series: Sequence[Array]) -> bool:
 
 
 def _strongest_input(
-    rec: Record, mine: Sequence[tuple[Window, Array]], channel: int, inputs: Sequence[str], interval: float
+    pressures: Array, mine: Sequence[tuple[Window, Array]], channel: int, inputs: Sequence[str], interval: float
 ) -> tuple[str, float]:
+    """The input that a channel's errors follow most and the correlation with it, over lags from 0 to 1 s.
+
+    Args:
+        pressures: at the rows of the record, Pa, shape (rows, inputs).
+        mine: windows of the record and errors in them, (rows, C).
+        channel: which of the C channels.
+        inputs: their names.
+        interval: between rows, s.
+    """
+    greatest = min(1.0 / interval, len(pressures) - 1.0) if interval > 0 else 0.0
     best = ("", 0.0)
-    lags = np.unique(np.linspace(0, 1.0 / interval, 12).astype(int)) if interval > 0 else np.array([0])
-    for j, name in enumerate(inputs):
-        for lag in lags:
-            pairs = [0.0, 0.0, 0.0]
-            for window, error in mine:
-                rows = slice(window.first, window.last)
-                pressure = np.interp(rec.time[rows] - lag * interval, rec.drive.time, rec.drive.pressures[:, j])
-                a, b = error[:, channel], pressure - pressure.mean()
-                good = np.isfinite(a)
-                a, b = a[good] - (a[good].mean() if good.any() else 0.0), b[good]
-                pairs = [pairs[0] + float(a @ b), pairs[1] + float(a @ a), pairs[2] + float(b @ b)]
-            if pairs[1] > 0 and pairs[2] > 0:
-                correlation = abs(pairs[0]) / float(np.sqrt(pairs[1] * pairs[2]))
-                if correlation > best[1]:
-                    best = (name, correlation)
+    for lag in np.unique(np.linspace(0, greatest, _INPUT_LAGS).astype(int)):
+        mixed, own, other = np.zeros(len(inputs)), 0.0, np.zeros(len(inputs))
+        for window, errors in mine:
+            good = np.isfinite(errors[:, channel])
+            if not good.any():
+                continue
+            rows = np.maximum(np.arange(window.first, window.last) - lag, 0)[good]
+            error = errors[good, channel] - errors[good, channel].mean()
+            pressure = pressures[rows] - pressures[rows].mean(axis=0)
+            mixed += error @ pressure
+            own += float(error @ error)
+            other += np.sum(pressure**2, axis=0)
+        if own > 0.0:
+            correlations = np.abs(mixed) / np.sqrt(np.where(other > 0.0, own * other, np.inf))
+            strongest = int(np.argmax(correlations))
+            if correlations[strongest] > best[1]:
+                best = (inputs[strongest], float(correlations[strongest]))
     return best

@@ -156,6 +156,7 @@ class Problem:
         residuals: how residuals are weighed.
         guesses: guessed initial states, centre of their prior, shape (windows, 6n).
         prior: mean and standard deviation of the coordinates, each (p,); infinite deviations for none.
+        deviations: standard deviations of the prior on initial lengths (m) and rates (m/s) about their guess.
     """
 
     model: Model
@@ -163,12 +164,13 @@ class Problem:
     residuals: Residuals
     guesses: Array
     prior: tuple[Array, Array]
+    deviations: tuple[float, float] = STATE_DEVIATION
 
     @property
     def state_deviation(self) -> Array:
         """Standard deviations of the prior on an initial state, shape (6n,)."""
         n = self.guesses.shape[1] // 2
-        return np.repeat(STATE_DEVIATION, n)
+        return np.repeat(self.deviations, n)
 
     def evaluated(self, z: Array, states: Array) -> Point:
         """The point with its loss; infinite where a simulation fails."""
@@ -216,7 +218,9 @@ class Problem:
 
     def _prior_cost(self, z: Array, states: Array) -> float:
         mean, deviation = self.prior
-        return float(np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2))
+        return float(
+            np.sum(((z - mean) / deviation) ** 2) + np.sum(((states - self.guesses) / self.state_deviation) ** 2)
+        )
 
 
 def solve(

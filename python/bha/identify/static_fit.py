@@ -125,7 +125,8 @@ def fit_poses(
         ftol=1e-6,
         max_nfev=max_evaluations,
     )
-    z = np.asarray(found.x, dtype=np.float64)
+    # The search keeps a hair's breadth outside of the bounds, so that it may start on one.
+    z = np.clip(np.asarray(found.x, dtype=np.float64), bounds[0], bounds[1])
     return StaticFit(
         arm.parameters, coordinates, z, found.status > 0, str(found.message), chosen, tuple(poses.errors(z))
     )

@@ -1,10 +1,10 @@
 """Stiffness from steady states, paper section IV-C and D: one linear least-squares fit per section and law.
 
-In a steady state every section is in balance, N(q, 0) = tau(q, p) (62). Along the direction that lengthens all bellows of
-a section alike, what pressure and weight do must be done by the springs; along the direction that bends it, by springs
-and bending stiffness. The generalized forces of pressure, weight, springs and bending are those of the core
-(``actuation_force``, ``bias_force_parts``), so that both force models and arms with several sections are handled without
-a formula of their own. Weight is that of the masses the arm already has.
+In a steady state every section is in balance, N(q, 0) = tau(q, p) (62). Along the direction that lengthens all bellows
+of a section alike, what pressure and weight do must be done by the springs; along the direction that bends it, by
+springs and bending stiffness. The generalized forces of pressure, weight, springs and bending are those of the core
+(``actuation_force``, ``bias_force_parts``), so that both force models and arms with several sections are handled
+without a formula of their own. Weight is that of the masses the arm already has.
 
 Limits: masses, terminal areas and rest lengths are taken from the arm; poses must be measured completely.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import InputError
-from bha.identify.initial import guess_state
+from bha.identify.initial import pose
 from bha.identify.records import Record
 from bha.identify.stretches import SteadyState, Stretch, steady_states
 from bha.parameters import paths
@@ -97,7 +97,8 @@ def longitudinal_stiffness(
     if not 1 <= order <= 8:
         raise InputError(f"order: {order}; 1 to 8 are allowed")
     states = _steady(arm, records)
-    # All springs of the section pull alike: the sum over its three coordinates of what they must hold, over their number.
+    # All springs of the section pull alike: the sum over its three coordinates of what they must hold, over their
+    # number.
     bare = _bare(arm, section, springs=False, bending=True)
     rows = []
     for rec, state, q in states:
@@ -109,15 +110,17 @@ def longitudinal_stiffness(
         rows.append((lengths - _rest_lengths(arm, section), needed, state))
     if len({round(float(np.mean(r[0])), 4) for r in rows}) < order + 1:
         raise InputError(
-            f"section {section}: {len(rows)} steady states with it straight (below {straight} rad), too few lengths for a "
-            f"law of order {order}; inflate all of its bellows evenly, in at least {order + 1} steps, and hold each"
+            f"section {section}: {len(rows)} steady states with it straight (below {straight} rad), too few lengths "
+            f"for a law of order {order}; inflate all of its bellows evenly, in at least {order + 1} steps, hold each"
         )
     design = np.array([np.sum(_powers(e, "longitudinal", order), axis=0) for e, _, _ in rows])
     needed = np.array([n for _, n, _ in rows])
     coefficients, errors = _least_squares(design, needed)
     count = len(rows[0][0])
     mean = np.array([float(np.mean(e)) for e, _, _ in rows])
-    return _fit(section, "longitudinal", coefficients, errors, mean, needed / count, design @ coefficients / count, rows)
+    return _fit(
+        section, "longitudinal", coefficients, errors, mean, needed / count, design @ coefficients / count, rows
+    )
 
 
 def bending_stiffness(
@@ -156,8 +159,8 @@ def bending_stiffness(
     terms = 2 if cubic else 1
     if len(rows) < terms + 1:
         raise InputError(
-            f"section {section}: {len(rows)} steady states with it bent in its plane (phi = 0 or pi within {in_plane} rad); "
-            f"at least {terms + 1} are needed: pressurize bellows 2 and 3 evenly against bellows 1, and hold"
+            f"section {section}: {len(rows)} steady states with it bent in its plane (phi = 0 or pi within {in_plane} "
+            f"rad); at least {terms + 1} are needed: pressurize bellows 2 and 3 evenly against bellows 1, and hold"
         )
     angles = np.array([float(u[0]) for u, _, _ in rows])
     moments = np.array([m for _, m, _ in rows])
@@ -174,7 +177,7 @@ def _fit(
     abscissa: Array,
     ordinate: Array,
     fitted: Array,
-    rows: Sequence[tuple[Array, float, SteadyState]],
+    rows: Sequence[tuple[Array, Array | float, SteadyState]],
 ) -> StiffnessFit:
     return StiffnessFit(
         section=section,
@@ -190,18 +193,22 @@ def _fit(
 
 
 def _steady(arm: Arm, records: Sequence[Record]) -> list[tuple[Record, SteadyState, Array]]:
-    """Steady states with the pose in each, by least squares on what was measured."""
+    """Steady states with the pose in each, by least squares on the means of what was measured.
+
+    The means matter: a spring force is the difference of large forces, and noise of the pose that is in both what the
+    law explains and what it is made of would flatten the law.
+    """
     found = []
     for rec in records:
         for state in steady_states(arm, rec):
-            middle = (state.stretch.first + state.stretch.last) // 2
-            found.append((rec, state, guess_state(arm, rec, middle)[: 3 * arm.section_count]))
+            deviation = rec.noise / np.sqrt(state.stretch.last - state.stretch.first)
+            found.append((rec, state, pose(arm, rec, state.channels, deviation, state.pressures)))
     return found
 
 
 def _bare(arm: Arm, section: int, *, springs: bool, bending: bool) -> Arm:
     """The arm with the springs or the bending stiffness of one section switched off."""
-    values = {}
+    values: dict[str, float] = {}
     stated = arm.parameters.sections[section - 1]
     if not bending:
         values |= {f"section.{section}.bending_stiffness.{k + 1}": 0.0 for k in range(len(stated.bending_stiffness))}

@@ -12,6 +12,10 @@ from bha.identify.records import Record
 
 Array = NDArray[np.float64]
 
+#: Mean square distance from the middle, in sensor noises, below which an arm is at rest, and over how long to either
+#: side, s.
+_QUIET, _QUIET_SECONDS = 2.0, 0.06
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -94,9 +98,7 @@ def steady_states(
     return found
 
 
-def swings(
-    rec: Record, *, shortest: float = 1.0, pressure_change: float = 3e3, smallest: float = 6.0
-) -> list[Stretch]:
+def swings(rec: Record, *, shortest: float = 1.0, pressure_change: float = 3e3, smallest: float = 6.0) -> list[Stretch]:
     """Free swings of a record: the arm oscillates and dies out while pressures and external forces stay the same.
 
     Args:
@@ -124,10 +126,28 @@ def swings(
         begin = first + _release(rec, first, last)
         if rec.time[last - 1] - rec.time[begin] < shortest:
             continue
-        amplitude = np.nanmax(np.abs(rec.measured[begin:last] - np.nanmean(rec.measured[begin:last], axis=0)), axis=0)
-        if np.any(amplitude > smallest * rec.noise) and _dies_out(rec, begin, last):
-            found.append(Stretch(rec.name, begin, last, float(rec.time[begin]), float(rec.time[last - 1])))
+        # What follows long after the swing is noise and creep, and would hide that it died out.
+        end = max(_last_motion(rec, begin, last), int(np.searchsorted(rec.time, rec.time[begin] + shortest)) + 1)
+        end = min(end, last)
+        amplitude = np.nanmax(np.abs(rec.measured[begin:end] - _middle(rec, begin, last)), axis=0)
+        if np.any(amplitude > smallest * rec.noise) and _dies_out(rec, begin, end):
+            found.append(Stretch(rec.name, begin, end, float(rec.time[begin]), float(rec.time[end - 1])))
     return found
+
+
+def _middle(rec: Record, first: int, last: int) -> Array:
+    """What the channels swing about: their medians over the last half."""
+    return np.asarray(np.nanmedian(rec.measured[(first + last) // 2 : last], axis=0))
+
+
+def _last_motion(rec: Record, first: int, last: int) -> int:
+    """The row after which the channels stay within their noise."""
+    away = ((rec.measured[first:last] - _middle(rec, first, last)) / rec.noise) ** 2
+    total = np.concatenate([[0.0], np.cumsum(np.nanmean(away, axis=1))])
+    time = rec.time[first:last]
+    low, high = (np.searchsorted(time, time + d) for d in (-_QUIET_SECONDS, _QUIET_SECONDS))
+    moving = np.flatnonzero((total[high] - total[low]) > _QUIET * (high - low))
+    return first + (int(moving[-1]) + 1 if len(moving) else 0)
 
 
 def _release(rec: Record, first: int, last: int) -> int:
@@ -150,7 +170,9 @@ def _dies_out(rec: Record, first: int, last: int) -> bool:
 def _slopes(time: Array, table: Array, span: float, noise: Array) -> tuple[Array, Array]:
     """Slope of each channel at each row over ``span`` s to either side, and its standard error from noise."""
     sums = [np.concatenate([np.zeros((1, table.shape[1])), np.cumsum(np.nan_to_num(table), axis=0)])]
-    sums.append(np.concatenate([np.zeros((1, table.shape[1])), np.cumsum(np.nan_to_num(table) * time[:, None], axis=0)]))
+    sums.append(
+        np.concatenate([np.zeros((1, table.shape[1])), np.cumsum(np.nan_to_num(table) * time[:, None], axis=0)])
+    )
     t1 = np.concatenate([[0.0], np.cumsum(time)])
     t2 = np.concatenate([[0.0], np.cumsum(time**2)])
     low = np.searchsorted(time, time - span)

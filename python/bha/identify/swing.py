@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A decaying oscillation fitted to one channel of a swing: y = mean + e^(-decay t) (a cos(omega t) + b sin(omega t)).
+    """A decaying oscillation fitted to a channel of a swing: y = mean + e^(-decay t) (a cos(omega t) + b sin(omega t)).
 
     Attributes:
         stretch: the swing.
@@ -58,7 +58,8 @@ class SwingFit:
 
     Attributes:
         oscillations: one a swing.
-        refinement: the fit of the simulated swings; ``values`` and ``standard_errors`` of its first n parameters are the
+        refinement: the fit of the simulated swings; ``values`` and ``standard_errors`` of its first n parameters are
+        the
             sections' dampings, N s/m, or of its first one, if one damping was asked for all.
     """
 
@@ -101,8 +102,8 @@ def swing_damping(
     found = [(rec, stretch) for rec in records for stretch in swings(rec)]
     if not found:
         raise InputError(
-            f"no free swing was found in {', '.join(rec.name for rec in records)}: let the arm swing for a few seconds under "
-            "constant pressures after an external force lets go"
+            f"no free swing was found in {', '.join(rec.name for rec in records)}: let the arm swing for a few seconds "
+            "under constant pressures after an external force lets go"
         )
     cut = [
         replace(

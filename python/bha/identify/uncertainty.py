@@ -11,11 +11,12 @@ Three sources of error are put together:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.identify import pressure_noise
 from bha.identify.solver import Normal, Point, Problem
 
 Array = NDArray[np.float64]
@@ -69,7 +70,8 @@ def uncertainty(problem: Problem, point: Point, normal: Normal, *, seed: int = 0
     h, _ = normal.reduced()
     parts = projections(normal)
     inverse = _inverse(h)
-    pressures = inverse @ _pressure_scores(problem, point, parts, seed, draws) @ inverse if draws else 0.0 * inverse
+    sensitivities = [part.sensitivity * part.mask[..., None] for part in parts]
+    pressures = inverse @ pressure_noise.scores(problem, point, sensitivities, seed, draws) @ inverse
     rows, seconds = _correlation_rows(problem, parts)
     scores = np.zeros_like(h)
     for part, lag in zip(parts, rows, strict=True):
@@ -95,29 +97,6 @@ def larger(a: Array, b: Array) -> Array:
     root, inverse_root = (vectors * values**e @ vectors.T for e in (0.5, -0.5))
     ratios, directions = np.linalg.eigh(inverse_root @ (0.5 * (b + b.T)) @ inverse_root)
     return np.asarray(root @ (directions * np.maximum(ratios, 1.0) @ directions.T) @ root)
-
-
-def _pressure_scores(problem: Problem, point: Point, parts: list[Projection], seed: int, draws: int) -> Array:
-    """Covariance of the scores that redrawn pressure noise causes."""
-    model, p = problem.model, len(point.z)
-    if not any(np.any(rec.pressure_noise > 0) for rec in model.records):
-        return np.zeros((p, p))
-    base = model.predict(point.z, problem.windows, point.states)
-    total = np.zeros((p, p))
-    for draw in range(draws):
-        records = []
-        for number, rec in enumerate(model.records):
-            random = np.random.default_rng([seed, draw, number])
-            noise = random.standard_normal(rec.drive.pressures.shape) * rec.pressure_noise
-            pressures = np.maximum(rec.drive.pressures + noise, 0.0)
-            records.append(replace(rec, drive=replace(rec.drive, pressures=pressures)))
-        disturbed = replace(model, records=tuple(records)).predict(point.z, problem.windows, point.states)
-        score = np.zeros(p)
-        for window, part, a, b in zip(problem.windows, parts, base, disturbed, strict=True):
-            change = np.where(part.mask, (b - a) / problem.residuals.scale[window.record], 0.0)
-            score += np.einsum("tcp,tc->p", part.sensitivity, np.nan_to_num(change))
-        total += np.outer(score, score) / draws
-    return total
 
 
 def _correlation_rows(problem: Problem, parts: list[Projection]) -> tuple[list[int], float]:

@@ -27,7 +27,8 @@ def identify(
     Args:
         arm: where to start from; what is not free stays as it is.
         logs: logs to fit, with measured pressures and lengths or head positions.
-        free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; per section
+        free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; per
+        section
             mass, stiffness, bending stiffness and damping if None.
         holdout: logs that take no part in the fit and are predicted before and after it.
         settings: how to fit.
