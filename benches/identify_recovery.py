@@ -88,7 +88,9 @@ def recover(case: Case, repeats: int, settings: Settings) -> None:
         spread = 100 * relative[:, k].std(ddof=1) / np.sqrt(repeats) if repeats > 1 else float("nan")
         known = 100 * np.median(np.array(errors)[:, k]) / true[k]
         covered = 100 * np.mean(np.array(inside)[:, k])
-        print(f"{path:32s} {true[k]:10.4g} {known:12.2f} {100 * relative[:, k].mean():8.2f} {spread:6.2f} {covered:8.0f}")
+        print(
+            f"{path:32s} {true[k]:10.4g} {known:12.2f} {100 * relative[:, k].mean():8.2f} {spread:6.2f} {covered:8.0f}"
+        )
     print(f"all parameters together: {100 * np.mean(inside):.1f} % of intervals hold the true value")
 
 
