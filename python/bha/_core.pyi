@@ -204,7 +204,14 @@ class Stepper:
 @final
 class Fleet:
     def __new__(
-        cls, arm: Arm, count: int, q: ArrayLike, p: ArrayLike, step: float = 5e-3, threads: int = 0
+        cls,
+        arm: Arm,
+        count: int,
+        q: ArrayLike,
+        p: ArrayLike,
+        step: float = 5e-3,
+        threads: int = 0,
+        method: str = "rk4",
     ) -> Self: ...
     def reset(self, indices: Sequence[int], q: ArrayLike, p: ArrayLike) -> NDArray[np.float64]: ...
     def step(self, p: ArrayLike, dt: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...

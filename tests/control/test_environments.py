@@ -51,6 +51,23 @@ def test_many_are_each_like_one(arm: bha.Arm | None) -> None:
     assert not np.allclose(many._targets, targets)
 
 
+def test_symplectic_euler_converges_to_the_runge_kutta_method_at_first_order() -> None:
+    """Tips after half a second of random pressures; and of ten arms abreast each is like one."""
+    actions = np.random.default_rng(3).uniform(-0.5, 0.5, (25, 10, 9)).astype(np.float32)
+
+    def tips(method: str, step: float) -> np.ndarray:
+        many = environments.ReachVectorEnv(10, FULL, method=method, step=step, max_episode_steps=100)
+        many.reset(seed=1)
+        return np.array([many.step(action)[0][:, -6:-3] for action in actions], dtype=np.float64)
+
+    exact = tips("rk4", 2.5e-4)
+    coarse, fine = (np.abs(tips("symplectic_euler", step) - exact).max() for step in (2e-3, 1e-3))
+    assert fine < 0.02
+    assert 1.6 < coarse / fine < 2.5
+    with pytest.raises(bha.InputError, match='method: "euler"; "rk4" and "symplectic_euler" are allowed'):
+        environments.ReachVectorEnv(10, method="euler")
+
+
 def test_a_seed_gives_the_same_run_on_any_number_of_threads() -> None:
     rows = []
     for threads in (1, 2):

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from independent_pneumatics import OneInput
+from numpy.typing import NDArray
 
 import bha
 from bha.errors import ParameterError
@@ -78,11 +80,7 @@ def test_measured_pressures_bypass_the_pneumatics() -> None:
 
 def test_effects_on_pressures_act_between_chambers_and_bellows() -> None:
     lagging = bha.robots.load("bha_nominal").with_changes(pneumatics="full")
-    kind = {"kind": "pressure_gain", "where": "all", "parameters": {"gain": 0.05}}
-    try:
-        arm = lagging.with_effects([kind])
-    except ParameterError as error:
-        pytest.skip(f"no such effect: {error}")
+    arm = lagging.with_effects([{"kind": "pressure_gain", "where": "all", "gain": 0.05}])
     plain, changed = run(lagging), run(arm)
     # The chambers follow their commands all the same, but for the volumes; the arm feels 5 % more.
     assert np.abs(plain.pressures - changed.pressures).max() < 3e3
@@ -126,3 +124,33 @@ def test_file_and_provenance_survive_a_round_trip() -> None:
     assert stated["sonic_conductance"].unit == "m^3/(s Pa)"
     changed = parameters.updated({"pneumatics": {**parameters.to_mapping()["pneumatics"], "level": "full"}})
     assert "# Off unless level" in changed.to_toml()
+
+
+def test_against_an_independent_implementation() -> None:
+    """Chamber, valve, spool and controller in plain Python along the core's own motion: at small steps, and at 1 ms.
+
+    What explicit steps make of the same equations, and stiffer valves, is in benches/pneumatics_steps.py.
+    """
+    pytest.importorskip("scipy")
+    arm = bha.robots.load("bha_nominal").with_changes(pneumatics="full")
+    times = np.arange(121) * 1e-3
+    commands = np.where(times < 0.06 - 1e-9, 2.0e5, 0.8e5)
+    commands[0] = 1.2e5
+    drive = bha.Input(times, np.repeat(commands[:, None], 9, axis=1))
+    coarse, fine = (
+        bha.simulate(arm, drive, dt=1e-3, options=bha.Options(method="rk4", step=step, interpolation="hold"))
+        for step in (1e-3, 2e-5)
+    )
+    table = arm.parameters.to_mapping()["pneumatics"]
+    for section in (0, 2):
+        part, lengths = arm.parameters.sections[section], fine.lengths[:, 3 * section]
+        alone = OneInput(table, arm.parameters.ambient_pressure, part.terminal_area * sum(part.length_range) / 2)
+
+        def volume(t: float, area: float = part.terminal_area, q: NDArray[np.float64] = lengths) -> float:
+            return float(table["dead_volume"]) + area * float(np.interp(t, times, q))
+
+        expected = alone.pressures(times, volume, commands, 1.2e5)
+        assert np.ptp(expected) > 0.3e5
+        # Lengths between two rows are straight lines for the one, not for the other: some pascals.
+        assert fine.pressures[:, 3 * section] == pytest.approx(expected, abs=5.0)
+        assert coarse.pressures[:, 3 * section] == pytest.approx(expected, abs=50.0)

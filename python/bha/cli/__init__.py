@@ -13,6 +13,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
     "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),
     "experiment": ("bha.experiments.cli", "experiment", "The paper's experiments on a virtual arm."),
+    "control": ("bha.control.cli", "control", "Controllers lead a plant along a reference, compared."),
     "identify": ("bha.identify.cli", "identify_command", "Parameters from measured logs, with intervals."),
     "excite": ("bha.identify.cli", "excite_command", "Pressures that make parameters known, and how well."),
     "sweep": ("bha.cli.sweep", "sweep", "Monte Carlo or grid over parameters and inputs, resumable."),

@@ -16,7 +16,7 @@ from bha.control.controllers import (
 from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
 from bha.control.observers import FilteredDifference, KalmanFilter
-from bha.control.references import Reference, hold, point_to_point, tip_circle, tip_line, tip_path
+from bha.control.references import Reference, hold, point_to_point, tip_circle, tip_line, tip_path, tip_samples
 from bha.control.stepper import Stepper
 
 __all__ = [
@@ -39,4 +39,5 @@ __all__ = [
     "tip_circle",
     "tip_line",
     "tip_path",
+    "tip_samples",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,8 @@ from bha.control.controllers import (
 )
 from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
-from bha.control.references import Reference, point_to_point, tip_circle
-from bha.errors import InputError
+from bha.control.references import Reference, point_to_point, tip_circle, tip_samples
+from bha.errors import InputError, SimulationError
 from bha.parameters import PneumaticsLevel
 
 CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
@@ -41,7 +42,8 @@ CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
 @arm_argument
 @click.option("--plant", "plant_path", metavar="PLANT", help="The arm that moves; ARM itself if left out.")
 @click.option("--reference", metavar="circle|move|FILE", default="circle", show_default=True,
-              help="A circle of the tip, a fast move there and back, or a file with lengths (q11 ...).")  # fmt: skip
+              help="A circle of the tip, a fast move there and back, or a log with lengths (q11 ...) or positions of "
+                   "the last head (x3 y3 z3), which are smoothed.")  # fmt: skip
 @click.option("--radius", type=float, default=0.12, show_default=True, help="Radius of the circle [m].")
 @click.option("--speed", type=float, default=0.4, show_default=True, help="Speed of the tip on the circle [m/s].")
 @click.option("--controller", "names", multiple=True, type=click.Choice(list(CONTROLLERS)),
@@ -53,7 +55,8 @@ CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
 @click.option("--period", type=float, default=1e-3, show_default=True, help="Control period [s].")
 @click.option("--out", metavar="TRAJ", type=click.Path(path_type=Path, dir_okay=False),
-              help="Trajectory file of the last controller: .parquet, .csv, .csv.gz or .npz.")  # fmt: skip
+              help="Trajectory file of the plant: .parquet, .csv, .csv.gz or .npz; with several controllers one each, "
+                   "its name added.")  # fmt: skip
 @click.option("--plot", metavar="FIGURE", type=click.Path(path_type=Path, dir_okay=False),
               help="Figure of the tip errors: .pdf, .svg or .png.")  # fmt: skip
 @json_option
@@ -76,31 +79,50 @@ def control(
 ) -> None:
     """Let controllers whose model is ARM lead a plant along a reference, and compare how they follow.
 
-    ARM and PLANT are parameter files or names of shipped arms.
+    ARM and PLANT are parameter files or names of shipped arms. A controller under which the plant diverges is reported,
+    and the exit code is then 1.
     """
     plant = arm if plant_path is None else _arm(plant_path)
     if pneumatics is not None:
         arm, plant = (a.with_changes(pneumatics=pneumatics) for a in (arm, plant))
     sensors = Sensors(length_noise, pressure_noise, seed)
+    chosen = tuple(dict.fromkeys(names)) or tuple(CONTROLLERS)
     runs: dict[str, ClosedLoopRun] = {}
+    failures: dict[str, str] = {}
     with progress_bar(hidden=as_json) as bar:
-        chosen = names or tuple(CONTROLLERS)
         task = bar.add_task("reference", total=float(len(chosen)))
         target = reference_of(arm, reference, radius, speed, period)
         for name in chosen:
             bar.update(task, description=name)
-            runs[name] = simulate_closed_loop(plant, CONTROLLERS[name](arm), target, sensors=sensors)
+            try:
+                runs[name] = simulate_closed_loop(plant, CONTROLLERS[name](arm), target, sensors=sensors)
+            except SimulationError as error:
+                failures[name] = str(error)
             bar.advance(task)
-    written = [] if out is None else [runs[chosen[-1]].trajectory.write(out)]
-    if plot is not None:
+    written = []
+    if out is not None:
+        several = len(chosen) > 1
+        written = [run.trajectory.write(_beside(out, name) if several else out) for name, run in runs.items()]
+    if plot is not None and runs:
         from bha.plot import plot_tracking, write_figure  # noqa: PLC0415  (an optional extra)
 
         written.append(write_figure(plot_tracking(runs, title=f"{plant.name}, led by the model {arm.name}"), plot))
-    _report(arm, plant, target, runs, written, as_json)
+    if as_json:
+        print_json(_as_mapping(arm, plant, target, runs, failures) | {"written": written})
+    else:
+        _report(target, runs, failures, written)
+    if failures:
+        sys.exit(1)
 
 
 def _arm(path: str) -> Arm:
     return robots.load(path) if not Path(path).exists() and path in robots.names() else Arm.load(path)
+
+
+def _beside(path: Path, name: str) -> Path:
+    """``path`` with ``name`` before its extension, which may be double."""
+    stem, dot, extension = path.name.partition(".")
+    return path.with_name(f"{stem}_{name}{dot}{extension}")
 
 
 def reference_of(arm: Arm, kind: str, radius: float, speed: float, period: float) -> Reference:
@@ -125,19 +147,27 @@ def reference_of(arm: Arm, kind: str, radius: float, speed: float, period: float
     from bha.log import Log  # noqa: PLC0415  (units are only loaded where a log is used)
 
     log = Log.read(path)
-    if log.lengths is None or log.lengths.shape[1] != 3 * arm.section_count:
-        raise InputError(f"{path}: a reference needs the lengths q11 ... of all {arm.section_count} sections")
-    time = np.arange(log.time[0], log.time[-1], period)
-    lengths = np.column_stack([np.interp(time, log.time, column) for column in log.lengths.T])
-    velocities = np.gradient(lengths, period, axis=0)
-    return Reference(period, lengths, velocities, np.gradient(velocities, period, axis=0))
+    lengths, heads, count = log.lengths, log.head_positions, arm.section_count
+    if lengths is not None:
+        if lengths.shape[1] != 3 * count:
+            raise InputError(
+                f"{path}: has lengths of {lengths.shape[1] // 3} sections, {arm.name} has {count}; a reference needs "
+                f"those of all, q11 to q{count}3"
+            )
+        return Reference.sampled(log.time, lengths, period=period)
+    if heads is not None and heads.shape[1] == count:
+        return tip_samples(arm, log.time, heads[:, -1], period=period)
+    raise InputError(
+        f"{path}: a reference needs the lengths of all sections (q11 to q{count}3) or the positions of the last head "
+        f"(x{count}, y{count}, z{count}); found {', '.join(log.columns)}"
+    )
 
 
 def table(runs: dict[str, ClosedLoopRun], title: str) -> Table:
-    """How well each run followed, a row each."""
-    out = Table(title=title)
+    """How well each run followed, a row each; at the end: the mean over the last 0.1 s at 1 kHz."""
+    out = Table(title=f"{title}, mm", min_width=len(title) + 6)
     out.add_column("Controller")
-    for heading in ("RMS [mm]", "Greatest [mm]", "At the end [mm]"):
+    for heading in ("RMS", "Greatest", "At the end"):
         out.add_column(heading, justify="right")
     out.add_column("At a limit")
     for name, run in runs.items():
@@ -148,28 +178,36 @@ def table(runs: dict[str, ClosedLoopRun], title: str) -> Table:
     return out
 
 
-def _report(
-    arm: Arm,
-    plant: Arm,
-    reference: Reference,
-    runs: dict[str, ClosedLoopRun],
-    written: list[Path],
-    as_json: bool,
-) -> None:
-    if as_json:
-        results: dict[str, Any] = {
-            name: {
-                "tip_error_rms": run.rms_tip_error(),
-                "tip_error_max": run.tip_error.max(),
-                "at_limit": run.saturation(),
-            }
-            for name, run in runs.items()
+def _as_mapping(
+    arm: Arm, plant: Arm, reference: Reference, runs: dict[str, ClosedLoopRun], failures: dict[str, str]
+) -> dict[str, Any]:
+    """Results for machines, SI."""
+    results: dict[str, Any] = {
+        name: {
+            "tip_error_rms": run.rms_tip_error(),
+            "tip_error_max": run.tip_error.max(),
+            "tip_error_end": run.tip_error[-100:].mean(),
+            "at_limit": run.saturation(),
         }
-        print_json(
-            {"model": arm.name, "plant": plant.name, "periods": len(reference), "runs": results, "written": written}
-        )
-        return
+        for name, run in runs.items()
+    }
+    results |= {name: {"diverged": reason} for name, reason in failures.items()}
+    return {
+        "model": arm.name,
+        "plant": plant.name,
+        "periods": len(reference),
+        "period": reference.period,
+        "runs": results,
+    }
+
+
+def _report(
+    reference: Reference, runs: dict[str, ClosedLoopRun], failures: dict[str, str], written: list[Path]
+) -> None:
+    """Print the table for people."""
     out = console()
-    out.print(table(runs, f"Distance of the tip from its reference, {len(reference) * reference.period:.3g} s"))
+    out.print(table(runs, f"Distance of the tip from its reference over {len(reference) * reference.period:.3g} s"))
+    for name, reason in failures.items():
+        out.print(f"{name}: the plant diverged: {reason}", highlight=False, soft_wrap=True)
     if written:
         out.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)

@@ -30,8 +30,7 @@ class Controller:
         observer: where the rates come from; None: a Kalman filter for laws with a model, differences for ``Pid``.
         limits: limits of pressures; None: those of the arm's parameter file.
         lead_time: time constant of the pressures that the controller takes back, s: it adds that much of the rate of
-        the
-            pressures that the reference alone asks for. None: that of the model's pneumatics; 0 leaves it out.
+            the pressures that the reference alone asks for. None: that of the model's pneumatics; 0 leaves it out.
     """
 
     arm: Arm
@@ -79,8 +78,8 @@ class Pid(Controller):
         derivative: s, multiple of k / A.
     """
 
-    proportional: float = 1.0
-    integral: float = 10.0
+    proportional: float = 0.3
+    integral: float = 3.0
     derivative: float = 0.04
     lead_time: float | None = field(default=0.0, kw_only=True)
 
@@ -109,8 +108,8 @@ class GravityPd(Controller):
     """
 
     proportional: float = 1.0
-    integral: float = 0.5
-    derivative: float = 0.03
+    integral: float = 2.0
+    derivative: float = 0.06
 
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
@@ -159,9 +158,9 @@ class FeedbackLinearization(Controller):
 
     dynamics: Literal["full", "reduced"] = "full"
     at: Literal["reference", "measured"] = "reference"
-    bandwidth: float = 20.0
+    bandwidth: float = 30.0
     damping_ratio: float = 1.0
-    integral_rate: float = 3.0
+    integral_rate: float = 5.0
     compensate_disturbance: bool = False
 
     def model(self) -> Arm:

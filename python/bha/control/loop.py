@@ -14,6 +14,7 @@ from bha.control.controllers import Controller
 from bha.control.limits import Limits
 from bha.control.references import Reference
 from bha.control.stepper import Stepper
+from bha.errors import InputError
 from bha.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -101,9 +102,8 @@ def simulate_closed_loop(
     Args:
         plant: the arm that moves, with its pneumatics.
         controller: one of this module, or any ``controller(t, y) -> p``: time, s, measured lengths (m) then pressures
-        (Pa)
-            in one array (3n + inputs,), to commanded pressures (inputs,), Pa absolute. An exception in it comes back as
-            it is.
+            (Pa) in one array (3n + inputs,), to commanded pressures (inputs,), Pa absolute. An exception in it comes
+            back as it is.
         reference: where the arm should be; its period is the control period.
         sensors: noise; none if None.
         q0: initial lengths (3n,), m; None: at rest under ``p0``.
@@ -121,6 +121,11 @@ def simulate_closed_loop(
         SimulationError: the plant diverged; ``error.trajectory`` holds the rows until then.
     """
     sensors = sensors or Sensors()
+    coordinates, given = 3 * plant.section_count, reference.lengths.shape[1]
+    if given != coordinates:
+        raise InputError(f"reference: has {given} lengths, the plant {plant.name} has {coordinates}")
+    if decimation < 1:
+        raise InputError(f"decimation: {decimation}; at least 1 is needed")
     stepper = Stepper(plant, step)
     if p0 is None:
         limits = Limits.of(plant)

@@ -71,6 +71,36 @@ class Reference:
         """Lengths, velocities and accelerations side by side, shape (k, 9n)."""
         return np.ascontiguousarray(np.hstack([self.lengths, self.velocities, self.accelerations]))
 
+    @classmethod
+    def sampled(
+        cls, time: ArrayLike, lengths: ArrayLike, *, period: float = 1e-3, smoothing: float = 0.06
+    ) -> Reference:
+        """Lengths sampled at irregular times, brought to the control period and smoothed.
+
+        Straight lines between the samples are averaged three times over a third of ``smoothing``, so that rates and
+        accelerations are continuous; before and after the samples the arm rests.
+
+        Args:
+            time: of the samples, ascending, s, shape (k,).
+            lengths: m, shape (k, 3n).
+            period: control period, s.
+            smoothing: over how long each row is spread, s; 0: not at all, accelerations are those of differences.
+
+        Raises:
+            InputError: shapes that do not fit, times that do not ascend, numbers that are not finite.
+        """
+        when, rows = _samples(time, lengths, "lengths")
+        return cls._through(_spread(when, rows, period, smoothing), period)
+
+    @classmethod
+    def _through(cls, lengths: Floats, period: float, tip_positions: Floats | None = None) -> Reference:
+        """Rates and accelerations by central differences."""
+        if len(lengths) < 2:
+            still = np.zeros_like(lengths)
+            return cls(period, lengths, still, still.copy(), tip_positions)
+        velocities = np.gradient(lengths, period, axis=0)
+        return cls(period, lengths, velocities, np.gradient(velocities, period, axis=0), tip_positions)
+
     def followed_by(self, other: Reference) -> Reference:
         """This reference, then another of the same period and arm.
 
@@ -183,9 +213,31 @@ def tip_path(
     first = (bounds.shortest + bounds.longest) / 2 if start is None else _vector(start, "start")
     aim = None if directions is None else np.tile(_vector(directions, "directions"), (len(positions), 1))
     lengths = _core.resolved_motion(arm, positions, aim, first, bounds.shortest, bounds.longest)
-    velocities = np.gradient(lengths, period, axis=0)
-    accelerations = np.gradient(velocities, period, axis=0)
-    return Reference(period, lengths, velocities, accelerations, positions)
+    return Reference._through(lengths, period, positions)
+
+
+def tip_samples(
+    arm: Arm, time: ArrayLike, positions: ArrayLike, *, period: float = 1e-3, smoothing: float = 0.06
+) -> Reference:
+    """Through tip positions sampled at irregular times, smoothed as :meth:`Reference.sampled` does.
+
+    Args:
+        arm: the arm whose tip (head of the last section) is to move.
+        time: of the samples, ascending, s, shape (k,).
+        positions: in the base frame, m, shape (k, 3).
+        period: control period, s.
+        smoothing: over how long each row is spread, s.
+
+    Raises:
+        InputError: shapes that do not fit, times that do not ascend, numbers that are not finite.
+        ConvergenceError: a position is out of the arm's reach.
+    """
+    when, rows = _samples(time, positions, "positions")
+    tips = _spread(when, rows, period, smoothing)
+    limits = Limits.of(arm)
+    middle = (limits.shortest + limits.longest) / 2
+    lengths = _core.resolved_motion(arm, tips, None, middle, limits.shortest, limits.longest)
+    return Reference._through(lengths, period, tips)
 
 
 def tip_line(arm: Arm, start: ArrayLike, end: ArrayLike, **options: Any) -> Reference:
@@ -249,6 +301,36 @@ def _jerk_limited(
     times = np.arange(math.ceil((motion.duration + rest) / period) + 1) * period
     rows = np.array([motion.at_time(min(float(t), motion.duration)) for t in times])
     return rows[:, 0, 0], rows[:, 1, 0], rows[:, 2, 0]
+
+
+def _samples(time: ArrayLike, values: ArrayLike, name: str) -> tuple[Floats, Floats]:
+    """Times (k,) from 0 on and values (k, any), checked."""
+    when, rows = _vector(time, "time"), np.asarray(values, dtype=np.float64)
+    if rows.ndim != 2 or len(rows) != len(when) or len(when) == 0:
+        raise InputError(f"{name}: expected shape ({len(when)}, any), a row a time, found {rows.shape}")
+    if np.any(np.diff(when) <= 0):
+        raise InputError(f"time: must ascend; row {int(np.argmax(np.diff(when) <= 0)) + 1} does not")
+    if not np.all(np.isfinite(rows)):
+        row, column = np.argwhere(~np.isfinite(rows))[0]
+        raise InputError(f"{name}: row {row}, column {column} is {rows[row, column]}; a reference needs all of them")
+    return when - when[0], rows
+
+
+def _spread(time: Floats, rows: Floats, period: float, smoothing: float) -> Floats:
+    """Rows at every period, averaged three times over a third of ``smoothing``."""
+    if not (math.isfinite(period) and period > 0):
+        raise InputError(f"period: {period}; a positive number of seconds is needed")
+    if not (math.isfinite(smoothing) and smoothing >= 0):
+        raise InputError(f"smoothing: {smoothing}; a number of seconds not below zero is needed")
+    half = round(smoothing / period / 6)
+    at = np.arange(-3 * half, math.ceil(time[-1] / period - 1e-9) + 3 * half + 1) * period
+    out = np.column_stack([np.interp(at, time, column) for column in rows.T])
+    for _ in range(3):
+        sums = np.cumsum(
+            np.vstack([np.repeat(out[:1], half + 1, axis=0), out, np.repeat(out[-1:], half, axis=0)]), axis=0
+        )
+        out = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+    return np.asarray(out)
 
 
 def _vector(values: ArrayLike, name: str) -> Floats:

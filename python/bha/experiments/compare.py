@@ -19,6 +19,11 @@ def tool_error(model: Trajectory, measured: Trajectory) -> float:
     return float(np.sqrt(np.mean(distance**2)))
 
 
+def greatest_tool_error(model: Trajectory, measured: Trajectory) -> float:
+    """Greatest distance between the tools of two trajectories with the same rows, m."""
+    return float(np.linalg.norm(model.head_positions[:, -1] - measured.head_positions[:, -1], axis=1).max())
+
+
 def length_error(model: Trajectory, measured: Trajectory) -> float:
     """RMS difference of all bellows lengths, m."""
     return float(np.sqrt(np.mean((model.lengths - measured.lengths) ** 2)))

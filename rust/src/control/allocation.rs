@@ -79,6 +79,35 @@ impl Allocation {
         pass(arm, q, &[], Motion::Pose, &mut ws.links);
         actuation_columns(arm, ws, &mut self.unit, &mut self.matrix);
         let (m, n) = (arm.coordinates(), arm.inputs);
+        if !(m == n && self.solve_freely(tau)) {
+            self.solve_bounded(m, tau);
+        }
+        for (p, x) in p.iter_mut().zip(&self.x) {
+            *p = arm.ambient_pressure + x;
+        }
+    }
+
+    /// The usual case, as many inputs as coordinates and no limit in the way: A x = tau itself.
+    fn solve_freely(&mut self, tau: &[f64]) -> bool {
+        if self.bound.iter().any(|b| *b != 0) {
+            return false;
+        }
+        let n = self.x.len();
+        self.factor.copy_from_slice(&self.matrix);
+        self.step.copy_from_slice(tau);
+        let inside = |((x, l), h): ((&f64, &f64), &f64)| (l..=h).contains(&x);
+        if dense::eliminate(&mut self.factor, n, &mut self.step)
+            && self.step.iter().zip(&self.low).zip(&self.high).all(inside)
+        {
+            self.x.copy_from_slice(&self.step);
+            return true;
+        }
+        false
+    }
+
+    /// The least-squares problem, for `m` coordinates.
+    fn solve_bounded(&mut self, m: usize, tau: &[f64]) {
+        let n = self.x.len();
         self.gradient.fill(0.0);
         self.hessian.fill(0.0);
         for r in 0..m {
@@ -100,9 +129,6 @@ impl Allocation {
             }
         }
         self.minimize();
-        for (p, x) in p.iter_mut().zip(&self.x) {
-            *p = arm.ambient_pressure + x;
-        }
     }
 
     /// min 1/2 x^T H x - g^T x within limits, from the last active set.

@@ -20,6 +20,9 @@
 //!
 //! `state_feedback`: p = p_0(q_ref) + K (x_ref - x), K from the linearization, p_0 by the static model.
 //!
+//! A force becomes pressures, tau = A(q) (p - p_amb), at the pose that the model is taken at. Taken at the measured lengths
+//! instead, A(q) feeds the arm's swing back through the pressures, and behind a lag of some 10 ms that drives it.
+//!
 //! Anti-windup: while an input is at a limit, an integral only moves towards zero. (`pid`: input by input.)
 //! Units: tau N; gains as their names say below.
 
@@ -222,12 +225,13 @@ impl Law {
             }
             LawParameters::GravityPd { proportional, integral, derivative } => {
                 static_force(arm, target.q, &self.still, ws, &mut self.tau);
+                self.pose.copy_from_slice(target.q);
                 for k in 0..m {
                     let (error, rate) = (target.q[k] - state.q[k], target.qd[k] - state.qd[k]);
                     advance(&mut self.integral[k], integral[k], error, limited);
                     self.tau[k] += proportional[k] * error + self.integral[k] + derivative[k] * rate;
                 }
-                Output::Force
+                Output::ForceAtPose
             }
             LawParameters::StaticModel { proportional, integral } => {
                 for k in 0..m {
@@ -260,6 +264,7 @@ impl Law {
                     inverse_dynamics_into(arm, state.q, state.qd, &self.acceleration, None, ws, &mut self.tau);
                 } else {
                     inverse_dynamics_into(arm, &self.pose, target.qd, &self.acceleration, None, ws, &mut self.tau);
+                    return Output::ForceAtPose;
                 }
                 Output::Force
             }

@@ -17,7 +17,7 @@ use crate::real::Real;
 pub const TOLERANCE: f64 = 20.0;
 /// Openings below this are led across the dead band linearly instead of by a jump.
 const DEAD_BAND_RAMP: f64 = 0.01;
-/// Least flow at full opening that the controller reckons with, as a part of C rho_0 p_supply.
+/// Least flow at full opening that the controller reckons with, as a part of the choked flow from the supply.
 const LEAST_FLOW: f64 = 1e-3;
 
 /// What the controller wants at a pressure.
@@ -44,10 +44,9 @@ pub fn command<T: Real>(
     let (zero, one) = (T::zero(), T::one());
     let error = reference - p;
     let wanted = k.feed_forward * rate + k.proportional_gain * error + integral;
-    // m' = V p' / (n R T) at constant volume; R T from ambient air.
-    let flow_of_rate = volume * k.ambient_density / (k.exponent * k.ambient_pressure);
+    let flow_of_rate = volume * k.compliance;
     let flow = wanted * flow_of_rate;
-    let least = k.supply_conductance * k.supply_pressure * LEAST_FLOW;
+    let least = k.supply_flow * k.supply_pressure * LEAST_FLOW;
     let fill = flows.fill.max(least);
     let vent = (-flows.vent).max(least);
     let inverse = T::select(flow, fill, vent).recip();

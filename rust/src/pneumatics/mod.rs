@@ -42,26 +42,28 @@ pub struct Pneumatics<T> {
     pub vacuum_pressure: T,
     /// Whether there is a vacuum.
     pub has_vacuum: bool,
-    /// Sonic conductance towards the supply, m^3/(s Pa).
-    pub supply_conductance: T,
-    /// Sonic conductance towards exhaust and vacuum, m^3/(s Pa).
-    pub exhaust_conductance: T,
-    /// Critical pressure ratio.
-    pub critical_ratio: T,
-    /// Temperature of the air, K.
-    pub temperature: T,
+    /// Choked flow from the supply at full opening, [`valve::choked_flow`], kg/(s Pa).
+    pub supply_flow: T,
+    /// The same towards exhaust and vacuum.
+    pub exhaust_flow: T,
+    /// The valve's subsonic characteristic.
+    pub flow_function: valve::FlowFunction<T>,
     /// Ambient pressure, Pa.
     pub ambient_pressure: T,
     /// Density of ambient air, kg/m^3.
     pub ambient_density: T,
+    /// Mass for a pascal in a cubic metre of ambient air, polytropically: m' = `compliance` V p' at constant volume.
+    pub compliance: T,
     /// Volume of an input besides its bellows, m^3.
     pub dead_volume: T,
     /// Polytropic exponent.
     pub exponent: T,
-    /// Time constant of the spool, s.
-    pub spool_time: T,
+    /// One over the time constant of the spool, 1/s.
+    pub spool_rate: T,
     /// Spool travel without flow, as a part of its full travel.
     pub dead_band: T,
+    /// Full travel over the travel with flow, 1 / (1 - dead band).
+    pub inverse_travel: T,
     /// Gain on the pressure error, 1/s.
     pub proportional_gain: T,
     /// Gain on its integral, 1/s^2.
@@ -92,6 +94,10 @@ impl Pneumatics<f64> {
         let not_negative = |key, x, needed| get(key, x, needed, |x| x >= 0.0, "a number not below zero is needed");
         let below_one = "a number from 0 to below 1 is needed";
         let supply_conductance = positive("sonic_conductance", p.sonic_conductance, full)?;
+        let exhaust_conductance = match p.exhaust_conductance {
+            None => supply_conductance,
+            given => positive("exhaust_conductance", given, full)?,
+        };
         let dead_volume = not_negative("dead_volume", p.dead_volume, full)?;
         let temperature = positive("air_temperature", p.air_temperature, full)?;
         let ambient_pressure = if full {
@@ -105,6 +111,19 @@ impl Pneumatics<f64> {
         } else {
             ambient_pressure
         };
+        let exponent = positive("polytropic_exponent", p.polytropic_exponent, full)?;
+        let ambient_density = ambient_pressure / (temperature * chamber::GAS_CONSTANT);
+        // Levels without a valve need not have these two; zero is within their range.
+        let critical_ratio = match p.critical_pressure_ratio {
+            None if !full => 0.0,
+            given => {
+                get("critical_pressure_ratio", given, full, |x| (0.0..valve::LAMINAR_RATIO).contains(&x), below_one)?
+            }
+        };
+        let dead_band = match p.spool_dead_band {
+            None if !full => 0.0,
+            given => get("spool_dead_band", given, full, |x| (0.0..1.0).contains(&x), below_one)?,
+        };
         Ok(Self {
             level: p.level,
             fill_time: positive("fill_time", p.fill_time, lag)?,
@@ -113,25 +132,17 @@ impl Pneumatics<f64> {
             exhaust_pressure: positive("exhaust_pressure", p.exhaust_pressure, full)?,
             vacuum_pressure: positive("vacuum_pressure", p.vacuum_pressure, false)?,
             has_vacuum: p.vacuum_pressure.is_some(),
-            supply_conductance,
-            exhaust_conductance: match p.exhaust_conductance {
-                None => supply_conductance,
-                given => positive("exhaust_conductance", given, full)?,
-            },
-            critical_ratio: get(
-                "critical_pressure_ratio",
-                p.critical_pressure_ratio,
-                full,
-                |x| (0.0..0.999).contains(&x),
-                below_one,
-            )?,
-            temperature,
+            supply_flow: valve::choked_flow(supply_conductance, temperature),
+            exhaust_flow: valve::choked_flow(exhaust_conductance, temperature),
+            flow_function: valve::FlowFunction::new(critical_ratio),
             ambient_pressure,
-            ambient_density: ambient_pressure / (temperature * chamber::GAS_CONSTANT),
+            ambient_density,
+            compliance: ambient_density / (exponent * ambient_pressure),
             dead_volume,
-            exponent: positive("polytropic_exponent", p.polytropic_exponent, full)?,
-            spool_time: positive("spool_time", p.spool_time, full)?,
-            dead_band: get("spool_dead_band", p.spool_dead_band, full, |x| (0.0..1.0).contains(&x), below_one)?,
+            exponent,
+            spool_rate: positive("spool_time", p.spool_time, full)?.recip(),
+            dead_band,
+            inverse_travel: (1.0 - dead_band).recip(),
             proportional_gain: not_negative("proportional_gain", p.proportional_gain, full)?,
             integral_gain: not_negative("integral_gain", p.integral_gain, full)?,
             feed_forward: not_negative("feed_forward", p.feed_forward, full)?,
@@ -149,16 +160,17 @@ impl Pneumatics<f64> {
             exhaust_pressure: c(self.exhaust_pressure),
             vacuum_pressure: c(self.vacuum_pressure),
             has_vacuum: self.has_vacuum,
-            supply_conductance: c(self.supply_conductance),
-            exhaust_conductance: c(self.exhaust_conductance),
-            critical_ratio: c(self.critical_ratio),
-            temperature: c(self.temperature),
+            supply_flow: c(self.supply_flow),
+            exhaust_flow: c(self.exhaust_flow),
+            flow_function: self.flow_function.map(c),
             ambient_pressure: c(self.ambient_pressure),
             ambient_density: c(self.ambient_density),
+            compliance: c(self.compliance),
             dead_volume: c(self.dead_volume),
             exponent: c(self.exponent),
-            spool_time: c(self.spool_time),
+            spool_rate: c(self.spool_rate),
             dead_band: c(self.dead_band),
+            inverse_travel: c(self.inverse_travel),
             proportional_gain: c(self.proportional_gain),
             integral_gain: c(self.integral_gain),
             feed_forward: c(self.feed_forward),
@@ -411,12 +423,12 @@ fn rates<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Dri
     let command = controller::command(k, &flows, control_volume, (reference, drive.reference_rate), p, x.integral);
     let (flow, by_pressure, by_spool) = flows.at(k, x.spool);
     let rate =
-        Input { content: flow, spool: (command.spool - x.spool) / k.spool_time, integral: command.integral_rate };
+        Input { content: flow, spool: (command.spool - x.spool) * k.spool_rate, integral: command.integral_rate };
     let pressure_by_mass = k.exponent * p / x.content;
     let stiff = Stiff {
         mass_by_mass: by_pressure * pressure_by_mass,
         mass_by_spool: by_spool,
-        spool_by_mass: command.spool_by_pressure * pressure_by_mass / k.spool_time,
+        spool_by_mass: command.spool_by_pressure * pressure_by_mass * k.spool_rate,
     };
     (rate, stiff)
 }
@@ -431,7 +443,7 @@ fn substep<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &D
     // (1 - gamma h W) k = f for mass and spool, by Cramer's rule: both diagonal entries are at least 1, and the
     // controller counteracts, so that the determinant is too.
     let (mm, ms, sm) = (one - stiff.mass_by_mass * g, -stiff.mass_by_spool * g, -stiff.spool_by_mass * g);
-    let ss = one + k.spool_time.recip() * g;
+    let ss = one + k.spool_rate * g;
     let inverse = (mm * ss - ms * sm).recip();
     let solve = |f: Input<T>| Input {
         content: (f.content * ss - ms * f.spool) * inverse,

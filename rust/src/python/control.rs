@@ -8,7 +8,7 @@ use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
 use crate::control::{Controller, ControllerParameters, Limits, Target, linearization};
 use crate::error::Error;
-use crate::fleet::{Fleet, Start};
+use crate::fleet::{Fleet, Start, Stepping};
 use crate::linear::Vec3;
 use nalgebra::DMatrix;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
@@ -122,7 +122,7 @@ pub struct PyFleet {
 impl PyFleet {
     /// `count` plants of `arm`, all at rest at lengths `q` (3n,) under pressures `p` (inputs,).
     #[new]
-    #[pyo3(signature = (arm, count, q, p, step = 5e-3, threads = 0))]
+    #[pyo3(signature = (arm, count, q, p, step = 5e-3, threads = 0, method = "rk4"))]
     fn new(
         arm: &Bound<'_, PyArm>,
         count: usize,
@@ -130,12 +130,15 @@ impl PyFleet {
         p: &Bound<'_, PyAny>,
         step: f64,
         threads: usize,
+        method: &str,
     ) -> PyResult<Self> {
         let py = arm.py();
+        let stepping = Stepping::by_name(method)
+            .ok_or_else(|| input(py, format!("method: {method:?}; \"rk4\" and \"symplectic_euler\" are allowed")))?;
         let arm = arm.get().arm.clone();
         let (q, p) = (vector(q, "q", arm.coordinates())?, vector(p, "p", arm.inputs)?);
         let start = Start { q: q.as_slice()?, p: p.as_slice()? };
-        let fleet = Fleet::new(&arm, count, start, step, threads).map_err(|e| to_python(py, &e))?;
+        let fleet = Fleet::new(&arm, count, start, (stepping, step), threads).map_err(|e| to_python(py, &e))?;
         Ok(Self { fleet: Mutex::new(fleet) })
     }
 

@@ -84,7 +84,8 @@ impl VirtualArm {
         for &output in times {
             while t < output {
                 let until = output.min(input.next_jump(t));
-                let steps = ((until - t) / step).ceil().max(1.0);
+                // The quotient's rounding must not cost a step: 10 ms are ten steps of 1 ms.
+                let steps = ((until - t) / step - 1e-9).ceil().max(1.0);
                 let (from, h) = (t, (until - t) / steps);
                 for k in 0..steps as u64 {
                     let t0 = from + k as f64 * h;
