@@ -69,29 +69,32 @@ class Prepared:
 
 
 def thin(record: Record, factor: int) -> Record:
-    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR)."""
+    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR).
+
+    The filter's half length is lost at either end: whatever continues a motion there would be taken for an error.
+    """
     if factor == 1:
         return record
     taps = firwin(12 * factor + 1, 0.72 / factor)
     half = len(taps) // 2
-    rate = np.arange(half + 1, dtype=np.float64)
-    # The ends are continued by a straight line, so that the filter does not pull them in.
-    columns = []
-    for k in range(record.outputs.shape[1]):
-        y = record.outputs[:, k]
-        head, tail = np.polyfit(rate, y[: half + 1], 1), np.polyfit(rate, y[-half - 1 :], 1)
-        before = np.polyval(head, rate[1:][::-1] * -1.0)
-        after = np.polyval(tail, rate[1:] + half)
-        columns.append(np.convolve(np.concatenate([before, y, after]), taps, mode="valid"))
-    keep = slice(0, None, factor)
+    keep = slice(half, len(record.rows) - half, factor)
+    columns = [np.convolve(y, taps, mode="valid") for y in record.outputs.T]
+    # A row that does not count spoils those that its filter reaches.
+    bad = [np.convolve(~y, np.ones(len(taps)), mode="valid") > 0.5 for y in record.good.T]
     return replace(
         record,
         rows=record.rows[keep],
-        outputs=np.column_stack(columns)[keep],
-        good=record.good[keep],
+        outputs=np.column_stack(columns)[::factor],
+        good=~np.column_stack(bad)[::factor],
         noise_share=record.noise_share * float(np.sum(taps**2)),
         thinning=record.thinning * factor,
     )
+
+
+def cut_to(record: Record, thinned: Record) -> Record:
+    """The rows of ``record`` from the first to the last of ``thinned``."""
+    inside = (record.rows >= thinned.rows[0]) & (record.rows <= thinned.rows[-1])
+    return replace(record, rows=record.rows[inside], outputs=record.outputs[inside], good=record.good[inside])
 
 
 def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
@@ -139,7 +142,8 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
         if np.isfinite(error) and error <= COARSE_ERROR_SHARE * noise:
             coarse = coarse or step
         if np.isfinite(error) and (error <= STEP_ERROR_SHARE * noise or step == steps[-1]):
-            return Prepared(thinned, tuple(records), states, step, coarse or step, error)
+            full = tuple(cut_to(r, t) for r, t in zip(records, thinned, strict=True))
+            return Prepared(thinned, full, states, step, coarse or step, error)
     raise ConvergenceError(
         "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
         "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"

@@ -3,7 +3,8 @@
 What: outputs, error by block, and the test whether one model predicts better than another.
 Source: paired signed-rank test of Wilcoxon (1945) on the logarithms of the block errors: a few blocks with large errors
 do not decide.
-Validity: blocks of a second or more, longer than the errors are correlated.
+Validity: blocks longer than the errors are correlated, a second where the logs are long enough. In logs below some ten
+seconds they are shorter, neighbours are related, and the p-value is too small.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from bha.diagnose.where import block_edges
 
 Array = NDArray[np.float64]
 
-#: Length of a block, s.
-HOLDOUT_BLOCK = 1.0
+#: Length of a block, s, and its least length where the logs are too short for enough of them.
+HOLDOUT_BLOCK, SHORTEST_BLOCK = 1.0, 0.3
+#: Blocks that a rank test needs: with n of them its least p-value is 2^-n.
+ENOUGH_BLOCKS = 10
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,7 @@ class Holdout:
     def _prediction(self, fit: Fit) -> Prediction:
         squares, count = 0.0, 0
         blocks: list[float] = []
+        length = block_length([float(np.ptp(w.time)) for w in self.problem.whiteners])
         for record, whitener, part, y in zip(
             self.problem.records, self.problem.whiteners, self.problem.slices(), fit.outputs, strict=True
         ):
@@ -92,9 +96,14 @@ class Holdout:
             squares += float(np.sum(error**2)) if np.all(np.isfinite(error)) else np.inf
             count += error.size
             white = fit.residual[part].reshape(whitener.kept, -1)
-            blocks += [float(np.mean(white[s] ** 2)) for s in block_edges(whitener.time, HOLDOUT_BLOCK)]
+            blocks += [float(np.mean(white[s] ** 2)) for s in block_edges(whitener.time, length)]
         values = np.nan_to_num(np.array(blocks), nan=1e12, posinf=1e12)
         return Prediction(fit.outputs, fit.states, fit.residual, values, float(np.sqrt(squares / max(count, 1))))
+
+
+def block_length(durations: Sequence[float]) -> float:
+    """Length of the blocks of logs of these durations, s: shorter than usual where a rank test had too few."""
+    return float(np.clip(sum(durations) / ENOUGH_BLOCKS, SHORTEST_BLOCK, HOLDOUT_BLOCK))
 
 
 def better(without: Prediction, with_it: Prediction) -> float:

@@ -183,10 +183,9 @@ def frozen_intervals(time: Array, values: Array) -> tuple[tuple[float, float], .
         return ()
     usual = float(np.quantile(lengths, 0.9))
     found = []
-    for start, length in zip(starts, lengths, strict=True):
-        end = min(start + length, len(time) - 1)
-        span = float(time[end] - time[start])
-        if length > max(20.0, 10.0 * usual) and span > FROZEN_TIME:
+    for k in np.flatnonzero(lengths > max(20.0, 10.0 * usual)):
+        start, end = starts[k], min(starts[k] + lengths[k], len(time) - 1)
+        if time[end] - time[start] > FROZEN_TIME:
             found.append((float(time[start]), float(time[end])))
     # A command repeats itself for most of the time; a sensor that freezes does so once or twice.
     return tuple(found) if 0 < len(found) <= 4 else ()

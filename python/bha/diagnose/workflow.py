@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnose import catalogue, excitation
-from bha.diagnose.baseline import Baseline, Prepared, first_state, fit_baseline, prepare_runs, thin
+from bha.diagnose.baseline import Baseline, Prepared, cut_to, first_state, fit_baseline, prepare_runs, thin
 from bha.diagnose.cache import Cache, key_of
 from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
 from bha.diagnose.engine import Engine, Job
@@ -99,9 +99,10 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     baseline = fit_baseline(model, prepared, engine, seed, cache)
     problem, plain_fit = baseline.problem, baseline.fit
     holdout = _holdout(baseline, prepared, held, engine)
+    held = [cut_to(r, t) for r, t in zip(held, holdout.problem.records, strict=True)]
     prediction = holdout.predict(plain_fit.model, plain_fit.x)
     first = Trial((), plain_fit, prediction)
-    state = Search(first, first)
+    state = Search(first, first, rules)
     noise_rms = _noise_rms(baseline)
     say("testing the gap")
     before = open_loop_error(held, engine, first)
@@ -220,10 +221,12 @@ def _describe(
     correlation = correlation_length(problem, final.fit.residual)
     lines = _candidates(state, best, problem, correlation)
     weak = excitation.weakest(best, np.sqrt(correlation))
-    effects = _effects(state, signatures, best, final, uncertainty, problem, correlation, seed) if named else []
+    alike = excitation.Likenesses((), np.empty((0, 0)))
+    if state.screening is not None and best:
+        alike = excitation.compare(state.screening, signatures, best)
+    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed) if named else []
     confused = [e.kind for e in effects if e.confusable_with]
     confused += [c.partition(" at ")[0] for e in effects for c in e.confusable_with]
-    groups = excitation.classes(state.screening, signatures, best) if state.screening is not None else []
     values = {
         c.name: Number(value=c.value(float(v)), unit=c.unit, ci95=uncertainty[k], at_bound=c.at_bound(float(v)))
         for k, (c, v) in enumerate(zip(final.fit.model.plain, final.fit.x, strict=False))
@@ -249,7 +252,7 @@ def _describe(
             "residual": plain(describe_residual(holdout, state.best, state.plain, seed) | {"notes": state.notes}),
             "excitation": plain(
                 {
-                    "classes": groups[:20],
+                    "classes": alike.classes()[:20],
                     "least_visible": [{"kind": k, "detectable_over_typical": r} for k, r in weak[:10]],
                     "next_experiment": excitation.next_experiment(confused, weak),
                 }
@@ -305,8 +308,7 @@ def _candidates(
 
 def _effects(
     state: Search,
-    signatures: Signatures,
-    best: dict[tuple[str, str], excitation.Best],
+    looks: excitation.Likenesses,
     final: Trial,
     uncertainty: Sequence[tuple[float, float]],
     problem: Problem,
@@ -328,10 +330,12 @@ def _effects(
         at += len(term.coordinates)
         rivals = _rivals(state, final, number, problem, correlation)
         alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
-        if state.screening is not None:
-            found = excitation.look_alikes(state.screening, signatures, best, candidate.key, 0.98)
-            refitted = {t.key[number] for t, _ in rivals}
-            alike += [f"{kind} at {where}" for kind, where, _ in found[:5] if (kind, where) not in refitted]
+        refitted = {t.key[number] for t, _ in rivals}
+        alike += [
+            f"{kind} at {where}"
+            for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]
+            if (kind, where) not in refitted
+        ]
         shares = confidences(problem, [final, *(t for t, _ in rivals[:5])], seed) if rivals else np.ones(1)
         kinds = [candidate.kind, *dict.fromkeys(a.partition(" at ")[0] for a in alike)]
         result.append(
