@@ -33,6 +33,7 @@ from bha.diagnose.noise import (
     sensor_noise,
 )
 from bha.diagnose.records import Record
+from bha.diagnose.smoothing import filtered
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
@@ -86,7 +87,6 @@ def thin(record: Record, factor: int) -> Record:
         rows=record.rows[keep],
         outputs=np.column_stack(columns)[::factor],
         good=~np.column_stack(bad)[::factor],
-        noise_share=record.noise_share * float(np.sum(taps**2)),
         thinning=record.thinning * factor,
     )
 
@@ -161,6 +161,8 @@ def disturbed_outputs(
             continue
         for _ in range(DRAWS):
             noise = record.pressure_noise * rng.standard_normal(record.pressures.shape)
+            if record.pressure_taps is not None:
+                noise = filtered(noise, record.pressure_taps)
             jobs.append(Job(arm, record, state, record.pressures + noise))
     outputs = iter(engine.run(jobs))
     result: list[list[Array]] = []

@@ -86,7 +86,7 @@ class Likenesses:
 
     def classes(self, least: float = ALIKE) -> list[list[str]]:
         """Classes of look-alikes: connected by a likeness of ``least`` or more; larger first."""
-        _, label = connected_components(csr_matrix(self.values >= least), directed=False)
+        _, label = connected_components(csr_matrix((self.values >= least).astype(np.int8)), directed=False)
         groups: dict[int, list[str]] = {}
         for (kind, where), number in zip(self.keys, label, strict=True):
             groups.setdefault(int(number), []).append(f"{kind} at {where}")

@@ -71,8 +71,8 @@ class Record:
         channels: names of the outputs.
         facts: noise and flaws of the outputs.
         pressure_facts: noise and flaws of the inputs.
-        noise_share: share of the noise's variance that filtering has left in the compared rows.
         thinning: every how many rows one is compared, after low-pass filtering.
+        pressure_taps: the filter that the pressures went through, None for none; ``pressure_facts`` are from before.
     """
 
     name: str
@@ -85,8 +85,8 @@ class Record:
     channels: tuple[str, ...]
     facts: tuple[ChannelFacts, ...]
     pressure_facts: tuple[ChannelFacts, ...]
-    noise_share: float = 1.0
     thinning: int = 1
+    pressure_taps: Array | None = None
 
     @property
     def output_time(self) -> Array:

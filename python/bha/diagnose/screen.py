@@ -124,11 +124,11 @@ def probe(
     base = base if coarse else problem.engine.run(plain)
     for first in range(0, len(changes), BATCH):
         tell(first / len(changes))
-        part = changes[first : first + BATCH]
-        run = [k for k, (effect, _) in enumerate(part) if effect["kind"] not in ON_LENGTHS]
-        outputs = problem.engine.run(_jobs(problem, fit, core, [part[k][0] for k in run]), coarse=coarse)
+        batch = changes[first : first + BATCH]
+        run = [k for k, (effect, _) in enumerate(batch) if effect["kind"] not in ON_LENGTHS]
+        outputs = problem.engine.run(_jobs(problem, fit, core, [batch[k][0] for k in run]), coarse=coarse)
         count = len(problem.records)
-        for k, (effect, size) in enumerate(part):
+        for k, (effect, size) in enumerate(batch):
             if k in run:
                 at = run.index(k) * count
                 change = [(a - b) / size for a, b in zip(outputs[at : at + count], base, strict=True)]

@@ -28,6 +28,7 @@ from bha.diagnose.residual import describe_residual
 from bha.diagnose.result import CandidateLine, Diagnosis, Effect, Gap, Number, plain
 from bha.diagnose.screen import Signatures, probe, score
 from bha.diagnose.select import Rules, Search, search
+from bha.diagnose.smoothing import smoothed
 from bha.diagnose.where import locate
 from bha.errors import InputError
 
@@ -164,7 +165,10 @@ def _records(
                 f"{train[0].name} measures {', '.join(train[0].channels)}; "
                 "the logs of one diagnosis need the same outputs"
             )
-    return (train, held) if held else split(train)
+    if not held:
+        train, held = split(train)
+    whole = smoothed([*train, *held])
+    return whole[: len(train)], whole[len(train) :]
 
 
 def _measured(records: Sequence[Record]) -> tuple[bool, bool]:

@@ -73,12 +73,7 @@ def _write_plain(
         for key in ("mass", "rest_length", "damping", "terminal_area"):
             if (key, i) in intervals:
                 provenance[key] = _entry(intervals[key, i][1], references)
-        terms = [
-            intervals["stiffness", i, k][1] for k in range(len(first["stiffness"])) if ("stiffness", i, k) in intervals
-        ]
-        if len(terms) == len(first["stiffness"]):
-            provenance["stiffness"] = _entry(terms, references)
-        for key in ("inertia", "center_of_mass", "bending_stiffness"):
+        for key in ("inertia", "center_of_mass", "stiffness", "bending_stiffness"):
             provenance[key] = {"status": "identified", **({"logs": references} if references else {})}
         table["provenance"] = provenance
 
