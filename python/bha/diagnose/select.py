@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bha.diagnose.catalogue import Ranges
 from bha.diagnose.fit import Fit, Problem, improve, with_sensitivities
-from bha.diagnose.holdout import Holdout, Prediction, better
+from bha.diagnose.holdout import Holdout, better, excesses
 from bha.diagnose.refit import Trial, bic, correlation_length, refit, store, stored, without
 from bha.diagnose.screen import Scored, Screening, Signatures, score
 
@@ -64,6 +64,7 @@ class Search:
         trials: all refitted sets.
         rivals: for every round its trials with one more effect than before, best first.
         notes: what was decided and why.
+        shares: of each effect of the best set the share of the excess on held-out logs that comes back without it.
         complete: whether the search came to its end.
     """
 
@@ -74,6 +75,7 @@ class Search:
     trials: list[Trial] = field(default_factory=list)
     rivals: list[list[Trial]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    shares: dict[tuple[str, str], float] = field(default_factory=dict)
     complete: bool = False
 
 
@@ -214,17 +216,12 @@ def _names(trial: Trial) -> str:
     return " and ".join(f"{kind} at {where}" for kind, where in trial.key)
 
 
-def excess(prediction: Prediction) -> float:
-    """Mean square of the white residual above that of noise."""
-    return max(0.0, prediction.mean_square - 1.0)
-
-
 def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state: Search) -> None:
     """Drop what the held-out logs do not need, the least needed first."""
     while state.best.candidates:
         current = state.best
         correlation = correlation_length(problem, current.fit.residual)
-        before = excess(state.plain.prediction)
+        state.shares.clear()
         weakest: tuple[float, Trial, str] | None = None
         for k in range(len(current.candidates)):
             say(f"pruning: without {current.key[k][0]} at {current.key[k][1]}")
@@ -233,7 +230,9 @@ def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state:
                 continue
             gain = bic(smaller, problem, correlation) - bic(current, problem, correlation)
             p_value = better(smaller.prediction, current.prediction)
-            share = (excess(smaller.prediction) - excess(current.prediction)) / max(before, 1e-9)
+            before, more, less = excesses(state.plain.prediction, smaller.prediction, current.prediction)
+            share = (more - less) / max(before, 1e-9)
+            state.shares[current.key[k]] = share
             fails = [
                 text
                 for failed, text in (

@@ -106,7 +106,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     state = Search(first, first, rules)
     noise_rms = _noise_rms(baseline)
     say("testing the gap")
-    before = open_loop_error(held, engine, first)
+    before = open_loop_error(held, engine, first, prediction.until)
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits)
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
@@ -124,7 +124,14 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    after = open_loop_error(held, engine, state.best) if state.best.candidates else before
+    # Both over the same rows: those before either model runs away.
+    until = [min(ends) for ends in zip(prediction.until, state.best.prediction.until, strict=True)]
+    after = before
+    if state.best.candidates:
+        before, after = (open_loop_error(held, engine, trial, until) for trial in (first, state.best))
+    for record, end in zip(held, until, strict=True):
+        if np.isfinite(end):
+            state.notes.append(f"{record.name}: compared up to {end:.1f} s; after that a model runs away")
     verdict = decide(state, gap, after / noise_rms, limits)
     errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
@@ -193,13 +200,13 @@ def _noise_rms(baseline: Baseline) -> float:
     return float(np.sqrt(np.mean(baseline.noise.floor**2)))
 
 
-def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial) -> float:
-    """Open-loop RMS error on all rows of the held-out logs, m; from the initial states of the trial's prediction."""
+def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial, until: Sequence[float]) -> float:
+    """Open-loop RMS error on the rows of the held-out logs before ``until``, m; from the trial's initial states."""
     arm = trial.fit.model.arm(trial.fit.x)
     outputs = engine.run([Job(arm, r, s) for r, s in zip(records, trial.prediction.states, strict=True)])
     squares, count = 0.0, 0
-    for record, y in zip(records, outputs, strict=True):
-        error = (record.outputs - y)[record.good]
+    for record, y, end in zip(records, outputs, until, strict=True):
+        error = (record.outputs - y)[record.good & (record.output_time < end)[:, None]]
         squares += float(np.sum(error**2)) if np.all(np.isfinite(error)) else np.inf
         count += error.size
     return min(float(np.sqrt(squares / max(count, 1))), 1e6)
@@ -353,7 +360,8 @@ def _effects(
                 experiment=excitation.next_experiment(kinds, []) if alike else "",
             )
         )
-    return result
+    # The most important one first, whatever the order in which they were found.
+    return sorted(result, key=lambda e: -state.shares.get((e.kind, e.where), 0.0))
 
 
 def _numbers(term: EffectTerm, x: Array, draws: Array, bounds: Mapping[str, bool]) -> dict[str, Number]:
