@@ -39,7 +39,7 @@ from bha.errors import ConvergenceError
 Array = NDArray[np.float64]
 
 #: Greatest share of the noise that the integration's error may have.
-STEP_ERROR_SHARE = 0.1
+STEP_ERROR_SHARE = 0.15
 #: The same for runs of which only differences are wanted.
 COARSE_ERROR_SHARE = 1.0
 #: Draws of pressure noise per log for the noise model.

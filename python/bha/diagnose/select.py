@@ -40,15 +40,15 @@ class Rules:
         refined: a runner-up is refined too if it brings at least this share of what the first one brings.
     """
 
-    most: int = 5
-    tried: tuple[int, int] = (6, 4)
+    most: int = 4
+    tried: tuple[int, int] = (4, 3)
     per_kind: int = 2
     forward: float = 10.0
     swap: float = 4.0
     backward: float = 10.0
     rank: float = 0.02
     share: float = 0.025
-    worth: float = 0.01
+    worth: float = 0.02
     refined: float = 0.7
 
 

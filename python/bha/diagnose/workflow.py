@@ -25,7 +25,7 @@ from bha.diagnose.noise import Whitener
 from bha.diagnose.records import Record, prepare, split
 from bha.diagnose.refit import Trial, bic, correlation_length
 from bha.diagnose.residual import describe_residual
-from bha.diagnose.result import CandidateLine, Diagnosis, Effect, Gap, Number, plain
+from bha.diagnose.result import CandidateLine, Correction, Diagnosis, Effect, Gap, Number, plain
 from bha.diagnose.screen import Signatures, probe, score
 from bha.diagnose.select import Rules, Search, search
 from bha.diagnose.smoothing import smoothed
@@ -358,10 +358,26 @@ def _effects(
                 confusable_with=list(dict.fromkeys(alike)),
                 empirical=empirical,
                 experiment=excitation.next_experiment(kinds, []) if alike else "",
+                gap_removed=state.shares.get(candidate.key, 0.0),
             )
         )
     # The most important one first, whatever the order in which they were found.
-    return sorted(result, key=lambda e: -state.shares.get((e.kind, e.where), 0.0))
+    result.sort(key=lambda e: -e.gap_removed)
+    return _gathered(result, final.fit.model.core)
+
+
+def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect]:
+    """Effects of one kind at nested places as one: the most important of them with the others as its corrections."""
+    result: list[Effect] = []
+    for effect in effects:
+        for k, main in enumerate(result):
+            if main.kind == effect.kind and catalogue.nested(main.where, effect.where, core):
+                more = Correction(where=effect.where, parameters=effect.parameters)
+                result[k] = main.model_copy(update={"corrections": [*main.corrections, more]})
+                break
+        else:
+            result.append(effect)
+    return result
 
 
 def _numbers(term: EffectTerm, x: Array, draws: Array, bounds: Mapping[str, bool]) -> dict[str, Number]:
