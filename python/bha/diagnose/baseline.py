@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,9 @@ Array = NDArray[np.float64]
 STEP_ERROR_SHARE = 0.15
 #: The same for runs of which only differences are wanted.
 COARSE_ERROR_SHARE = 1.0
+Method = Literal["rk4", "ros2"]
+#: Methods of integration, the cheaper first.
+METHODS: tuple[Method, ...] = ("rk4", "ros2")
 #: Draws of pressure noise per log for the noise model.
 DRAWS = 3
 #: Time from the start of a log that gives the first guess of its initial state, s.
@@ -59,6 +63,7 @@ class Prepared:
         step: step of the integration, s.
         coarse: step where only differences between runs are wanted, s.
         step_error: RMS difference to half the step, m.
+        method: of integration.
     """
 
     records: tuple[Record, ...]
@@ -67,6 +72,7 @@ class Prepared:
     step: float
     coarse: float
     step_error: float
+    method: Method = "rk4"
 
 
 def thin(record: Record, factor: int) -> Record:
@@ -115,7 +121,7 @@ def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
     return np.concatenate([q, np.zeros(3 * sections)])
 
 
-def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float], Engine]) -> Prepared:
+def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float, Method], Engine]) -> Prepared:
     """Choose the coarsest step whose error stays below the noise, thin the logs accordingly, guess initial states.
 
     The error of a step is the RMS difference to half of it on the first seconds of every log, measured, not assumed.
@@ -137,13 +143,21 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
     coarse: float | None = None
     for step in steps:
-        fine, finer = engine(step).run(jobs), engine(step / 2.0).run(jobs)
-        error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(fine, finer, strict=True)])))
-        if np.isfinite(error) and error <= COARSE_ERROR_SHARE * noise:
-            coarse = coarse or step
-        if np.isfinite(error) and (error <= STEP_ERROR_SHARE * noise or step == steps[-1]):
-            full = tuple(cut_to(r, t) for r, t in zip(records, thinned, strict=True))
-            return Prepared(thinned, full, states, step, coarse or step, error)
+        # The implicit method costs more a step; arms whose damping outweighs their inertia are stiff and need it.
+        for method in METHODS:
+            fine, finer = engine(step, method).run(jobs), engine(step / 2.0, method).run(jobs)
+            error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(fine, finer, strict=True)])))
+            if not np.isfinite(error):
+                continue
+            if method == "rk4" and error <= COARSE_ERROR_SHARE * noise:
+                coarse = coarse or step
+            if error <= STEP_ERROR_SHARE * noise or (step == steps[-1] and method == "rk4"):
+                full = tuple(cut_to(r, t) for r, t in zip(records, thinned, strict=True))
+                differences = (coarse or step) if method == "rk4" else step
+                return Prepared(thinned, full, states, step, differences, error, method)
+            if method == "rk4" and coarse is not None:
+                # Not stiff, only not exact enough: smaller steps of the cheap method do.
+                break
     raise ConvergenceError(
         "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
         "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"
