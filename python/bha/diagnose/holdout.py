@@ -145,11 +145,15 @@ def better(without: Prediction, with_it: Prediction) -> float:
 
 
 def excesses(*predictions: Prediction) -> list[float]:
-    """Mean square above that of noise of several predictions, over the blocks in which no model has run away."""
+    """Mean square above that of noise of several predictions, over the blocks in which no model has run away.
+
+    The mean is geometric, over blocks: near the edge of stability a few blocks of a right model may hold more error
+    than all others together.
+    """
     valid = np.all([np.isfinite(p.blocks) for p in predictions], axis=0)
     if np.mean(valid) < LEAST_VALID:
         return [0.0 for _ in predictions]
-    return [max(0.0, float(np.mean(p.blocks[valid])) - 1.0) for p in predictions]
+    return [max(0.0, float(np.exp(np.mean(np.log(p.blocks[valid])))) - 1.0) for p in predictions]
 
 
 def thinned(prediction: Prediction, factor: int) -> Prediction:
