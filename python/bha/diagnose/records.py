@@ -31,6 +31,11 @@ Array = NDArray[np.float64]
 THIRD_DIFFERENCE_VARIANCE = 20.0
 #: Median of the square of a standard normal variable.
 MEDIAN_SQUARE = 0.45493642311957283
+#: Fewest different readings from which noise is estimated.
+FEWEST_FRESH = 40
+#: Least noise of an output that is assumed, as a share of what the outputs of its kind travel: no arm is described more
+#: finely by sections of constant curvature, whatever the sensor resolves.
+LEAST_NOISE_SHARE = 3e-4
 #: Shortest time without change after which a channel that otherwise changes counts as frozen, s.
 FROZEN_TIME = 1.0
 
@@ -212,7 +217,8 @@ def channel_facts(time: Array, name: str, unit: str, values: Array) -> ChannelFa
     fresh = part[np.concatenate([[True], np.diff(part) != 0.0])] if len(part) else part
     step = quantum(part)
     share = held_share(part, third_difference_noise(fresh), step)
-    noise = third_difference_noise(fresh if share > 0.0 else part)
+    # A channel that hardly ever changes is a command, and its few jumps are no noise.
+    noise = third_difference_noise(fresh if share > 0.0 else part) if len(fresh) >= FEWEST_FRESH else 0.0
     return ChannelFacts(name, unit, noise, step, share, frozen)
 
 
@@ -299,6 +305,21 @@ def _fresh_rows(time: Array, outputs: Array, facts: Sequence[ChannelFacts]) -> N
     if held and len(held) == len(facts):
         keep &= np.concatenate([[True], np.any(np.diff(outputs[:, held], axis=0) != 0.0, axis=1)])
     return np.flatnonzero(keep)
+
+
+def with_least_noise(records: Sequence[Record]) -> list[Record]:
+    """The records with no output's noise below ``LEAST_NOISE_SHARE`` of the travel of its kind (lengths, positions)."""
+    travel = {True: 0.0, False: 0.0}
+    for record in records:
+        spans = np.ptp(np.quantile(record.outputs, [0.02, 0.98], axis=0), axis=0)
+        for channel, span in zip(record.channels, spans, strict=True):
+            kind = channel.startswith("q")
+            travel[kind] = max(travel[kind], float(span))
+    least = {kind: LEAST_NOISE_SHARE * value for kind, value in travel.items()}
+    return [
+        replace(r, facts=tuple(replace(f, noise=max(f.noise, least[f.name.startswith("q")])) for f in r.facts))
+        for r in records
+    ]
 
 
 def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:

@@ -22,7 +22,7 @@ from bha.diagnose.holdout import Holdout
 from bha.diagnose.intervals import confidences, coordinate_draws, intervals
 from bha.diagnose.model import EffectTerm, Model, plain_model
 from bha.diagnose.noise import Whitener
-from bha.diagnose.records import Record, prepare, split
+from bha.diagnose.records import Record, prepare, split, with_least_noise
 from bha.diagnose.refit import Trial, bic, correlation_length
 from bha.diagnose.residual import describe_residual
 from bha.diagnose.result import CandidateLine, Correction, Diagnosis, Effect, Gap, Number, plain
@@ -174,7 +174,7 @@ def _records(
             )
     if not held:
         train, held = split(train)
-    whole = smoothed([*train, *held])
+    whole = smoothed(with_least_noise([*train, *held]))
     return whole[: len(train)], whole[len(train) :]
 
 
