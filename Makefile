@@ -23,8 +23,9 @@ help: ## List what there is
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "  PYTHON=python3.12 chooses the interpreter of a new .venv; OUT=folder where demo writes."
 
-demo: $(VENV)/.ready-all ## The paper's tilt (Fig. 12), full against reduced model: table, pictures, trajectory
+demo: $(VENV)/.ready-blind ## The paper's tilt (Fig. 12), full against reduced model; then a hidden effect found and named
 	$(BIN)/python examples/tilt.py --out $(OUT)
+	$(BIN)/python examples/diagnose_story.py --out $(OUT)
 
 test: $(VENV)/.ready-dev ## All tests, Rust and Python
 	@if cargo nextest --version >/dev/null 2>&1; then \

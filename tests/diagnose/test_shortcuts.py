@@ -29,10 +29,11 @@ def test_changed_inputs_act_as_the_effect_does(kind: str, numbers: dict[str, Any
     record = prepare(arm, log)
     (changed,) = acting_pressures(record, [PressureProbe(kind, (1,), numbers)], 101325.0)
     options = bha.Options(method="rk4", step=2.5e-3)
-    where = "input p12"
-    effect = bha.simulate(arm.with_effects([{"kind": kind, "where": where, **numbers}]), bha.Input(record.time, record.pressures), options=options)
+    drive = bha.Input(record.time, record.pressures)
+    hidden = arm.with_effects([{"kind": kind, "where": "input p12", **numbers}])
+    effect = bha.simulate(hidden, drive, options=options)
     shortcut = bha.simulate(arm, bha.Input(record.time, changed), options=options)
-    plain = bha.simulate(arm, bha.Input(record.time, record.pressures), options=options)
+    plain = bha.simulate(arm, drive, options=options)
     size = np.abs(effect.lengths - plain.lengths).max()
     assert size > 1e-4
     assert np.abs(effect.lengths - shortcut.lengths).max() < 0.03 * size

@@ -21,15 +21,15 @@ from .lookalikes import look_alike
 # are compared.
 ALIASES: dict[tuple[str, str], tuple[str, ...]] = {
     ("hysteresis", "force"): ("force", "F_h", "Fh", "amplitude"),
-    ("friction", "force"): ("coulomb", "force", "F_c", "Fc"),
+    ("friction", "force"): ("coulomb_force", "coulomb", "force", "F_c", "Fc"),
     ("bending_damping", "damping"): ("damping", "d", "d_b", "c"),
     ("section_coupling", "stiffness"): ("stiffness", "k"),
-    ("weak_bellows", "loss"): ("loss", "w", "weakness", "relative"),
+    ("weak_bellows", "loss"): ("loss", "w", "weakness", "relative", "change"),
     ("payload", "mass"): ("mass", "m", "dm"),
     ("base_tilt", "angle"): ("angle", "tilt"),
     ("tool_drag", "stiffness"): ("stiffness", "k"),
-    ("pressure_lag", "tau_fill"): ("tau_fill", "tau"),
-    ("pressure_lag", "tau_vent"): ("tau_vent", "tau"),
+    ("pressure_lag", "tau_fill"): ("tau_fill", "fill", "tau"),
+    ("pressure_lag", "tau_vent"): ("tau_vent", "vent", "tau"),
     ("delay", "delay"): ("delay", "time", "T", "dead_time"),
     ("valve_dead_band", "band"): ("band", "dead_band", "width"),
     ("pressure_offset", "offset"): ("offset", "bias", "b"),
@@ -140,7 +140,10 @@ def _number(item: object) -> float | None:
 
 
 def _parameters(score: Score, true: dict[str, Any], named: dict[str, Any]) -> None:
-    given = named.get("parameters") or {}
+    given = dict(named.get("parameters") or {})
+    about = [_number(given.get(f"about_{axis}")) for axis in "xy"]
+    if about[0] is not None and about[1] is not None:
+        given.setdefault("angle", math.hypot(about[0], about[1]))
     for key, value in true["comparable"].items():
         for alias in ALIASES.get((true["kind"], key), (key,)):
             guess = _number(given.get(alias))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +34,18 @@ from bha.diagnose.noise import (
     sensor_noise,
 )
 from bha.diagnose.records import Record
+from bha.diagnose.smoothing import filtered
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
 
 #: Greatest share of the noise that the integration's error may have.
-STEP_ERROR_SHARE = 0.1
+STEP_ERROR_SHARE = 0.15
 #: The same for runs of which only differences are wanted.
 COARSE_ERROR_SHARE = 1.0
+Method = Literal["rk4", "ros2"]
+#: Methods of integration, the cheaper first.
+METHODS: tuple[Method, ...] = ("rk4", "ros2")
 #: Draws of pressure noise per log for the noise model.
 DRAWS = 3
 #: Time from the start of a log that gives the first guess of its initial state, s.
@@ -58,6 +63,7 @@ class Prepared:
         step: step of the integration, s.
         coarse: step where only differences between runs are wanted, s.
         step_error: RMS difference to half the step, m.
+        method: of integration.
     """
 
     records: tuple[Record, ...]
@@ -66,32 +72,35 @@ class Prepared:
     step: float
     coarse: float
     step_error: float
+    method: Method = "rk4"
 
 
 def thin(record: Record, factor: int) -> Record:
-    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR)."""
+    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR).
+
+    The filter's half length is lost at either end: whatever continues a motion there would be taken for an error.
+    """
     if factor == 1:
         return record
     taps = firwin(12 * factor + 1, 0.72 / factor)
     half = len(taps) // 2
-    rate = np.arange(half + 1, dtype=np.float64)
-    # The ends are continued by a straight line, so that the filter does not pull them in.
-    columns = []
-    for k in range(record.outputs.shape[1]):
-        y = record.outputs[:, k]
-        head, tail = np.polyfit(rate, y[: half + 1], 1), np.polyfit(rate, y[-half - 1 :], 1)
-        before = np.polyval(head, rate[1:][::-1] * -1.0)
-        after = np.polyval(tail, rate[1:] + half)
-        columns.append(np.convolve(np.concatenate([before, y, after]), taps, mode="valid"))
-    keep = slice(0, None, factor)
+    keep = slice(half, len(record.rows) - half, factor)
+    columns = [np.convolve(y, taps, mode="valid") for y in record.outputs.T]
+    # A row that does not count spoils those that its filter reaches.
+    bad = [np.convolve(~y, np.ones(len(taps)), mode="valid") > 0.5 for y in record.good.T]
     return replace(
         record,
         rows=record.rows[keep],
-        outputs=np.column_stack(columns)[keep],
-        good=record.good[keep],
-        noise_share=record.noise_share * float(np.sum(taps**2)),
+        outputs=np.column_stack(columns)[::factor],
+        good=~np.column_stack(bad)[::factor],
         thinning=record.thinning * factor,
     )
+
+
+def cut_to(record: Record, thinned: Record) -> Record:
+    """The rows of ``record`` from the first to the last of ``thinned``."""
+    inside = (record.rows >= thinned.rows[0]) & (record.rows <= thinned.rows[-1])
+    return replace(record, rows=record.rows[inside], outputs=record.outputs[inside], good=record.good[inside])
 
 
 def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
@@ -112,7 +121,7 @@ def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
     return np.concatenate([q, np.zeros(3 * sections)])
 
 
-def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float], Engine]) -> Prepared:
+def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float, Method], Engine]) -> Prepared:
     """Choose the coarsest step whose error stays below the noise, thin the logs accordingly, guess initial states.
 
     The error of a step is the RMS difference to half of it on the first seconds of every log, measured, not assumed.
@@ -134,12 +143,21 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
     coarse: float | None = None
     for step in steps:
-        fine, finer = engine(step).run(jobs), engine(step / 2.0).run(jobs)
-        error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(fine, finer, strict=True)])))
-        if np.isfinite(error) and error <= COARSE_ERROR_SHARE * noise:
-            coarse = coarse or step
-        if np.isfinite(error) and (error <= STEP_ERROR_SHARE * noise or step == steps[-1]):
-            return Prepared(thinned, tuple(records), states, step, coarse or step, error)
+        # The implicit method costs more a step; arms whose damping outweighs their inertia are stiff and need it.
+        for method in METHODS:
+            fine, finer = engine(step, method).run(jobs), engine(step / 2.0, method).run(jobs)
+            error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(fine, finer, strict=True)])))
+            if not np.isfinite(error):
+                continue
+            if method == "rk4" and error <= COARSE_ERROR_SHARE * noise:
+                coarse = coarse or step
+            if error <= STEP_ERROR_SHARE * noise or (step == steps[-1] and method == "rk4"):
+                full = tuple(cut_to(r, t) for r, t in zip(records, thinned, strict=True))
+                differences = (coarse or step) if method == "rk4" else step
+                return Prepared(thinned, full, states, step, differences, error, method)
+            if method == "rk4" and coarse is not None:
+                # Not stiff, only not exact enough: smaller steps of the cheap method do.
+                break
     raise ConvergenceError(
         "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
         "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"
@@ -157,6 +175,8 @@ def disturbed_outputs(
             continue
         for _ in range(DRAWS):
             noise = record.pressure_noise * rng.standard_normal(record.pressures.shape)
+            if record.pressure_taps is not None:
+                noise = filtered(noise, record.pressure_taps)
             jobs.append(Job(arm, record, state, record.pressures + noise))
     outputs = iter(engine.run(jobs))
     result: list[list[Array]] = []

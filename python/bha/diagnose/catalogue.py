@@ -260,6 +260,13 @@ def members(where: str, sort: str, core: Mapping[str, Any]) -> list[str]:
     return [where]
 
 
+def nested(first: str, second: str, core: Mapping[str, Any]) -> bool:
+    """Whether one of two places of the same sort of effect lies within the other."""
+    sort = "input" if "input" in f"{first} {second}" else "bellows"
+    a, b = (set(members(where, sort, core)) for where in (first, second))
+    return a <= b or b <= a
+
+
 TAU_GRID = (0.1, 0.35, 1.2, 4.0, 15.0)
 #: Directions of walls, rad.
 DIRECTIONS = tuple(k * math.pi / 4.0 for k in range(8))

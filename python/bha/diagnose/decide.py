@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnose.fit import Fit, Problem, columns, evaluate, project_states
-from bha.diagnose.holdout import Holdout, Prediction
-from bha.diagnose.select import Search, excess
+from bha.diagnose.holdout import Holdout, Prediction, excesses
+from bha.diagnose.select import Search
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ class Verdict:
 
 def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict:
     """The verdict on a finished or interrupted search; ``left`` is the best set's RMS error over the noise's."""
-    before, after = excess(search.plain.prediction), excess(search.best.prediction)
+    before, after = excesses(search.plain.prediction, search.best.prediction)
     closure = 1.0 - after / before if before > 0.0 else 0.0
     if not gap.significant:
         return Verdict(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,7 @@ class Engine:
         threads: int | None = None,
         coarse: float | None = None,
         tick: Callable[[int], None] | None = None,
+        method: Literal["rk4", "ros2"] = "rk4",
     ) -> None:
         """An engine.
 
@@ -57,10 +59,12 @@ class Engine:
             threads: number of threads; all cores if None.
             coarse: step where only differences between runs are wanted, s: their errors cancel to first order.
             tick: told of the number of finished jobs.
+            method: of integration; the linearly implicit ``ros2`` for stiff arms.
         """
         self.step = step
         self.coarse = coarse or step
         self.threads = threads or 0
+        self.method = method
         self.count = 0
         self._tick = tick
 
@@ -113,7 +117,7 @@ class Engine:
             [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
             np.full(len(live), times[0]),
             np.ascontiguousarray([job.state for job in live]),
-            method="rk4",
+            method=self.method,
             step=step,
             velocities=False,
             head_positions=needs_heads,

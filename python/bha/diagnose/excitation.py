@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
-from bha.diagnose.screen import Scored, Screening, Signatures, likeness
+from bha.diagnose.screen import Scored, Screening, Signatures, likenesses
 
 Array = NDArray[np.float64]
 
@@ -62,49 +64,38 @@ def best_by_key(screening: Screening, signatures: Signatures) -> dict[tuple[str,
     return result
 
 
-def look_alikes(
-    screening: Screening,
-    signatures: Signatures,
-    best: dict[tuple[str, str], Best],
-    key: tuple[str, str],
-    least: float = ALIKE,
-) -> list[tuple[str, str, float]]:
-    """Kinds and places whose signatures these data can hardly tell from that of ``key``, the most alike first."""
-    if key not in best:
-        return []
-    found = []
-    for other, entry in best.items():
-        if other != key:
-            value = likeness(screening, signatures, best[key].index, entry.index)
-            if value >= least:
-                found.append((other[0], other[1], value))
-    return sorted(found, key=lambda f: -f[2])
+@dataclass(frozen=True)
+class Likenesses:
+    """How alike all kinds and places look to these data.
+
+    Attributes:
+        keys: kinds and places.
+        values: greatest canonical correlation of their signatures, shape (m, m).
+    """
+
+    keys: tuple[tuple[str, str], ...]
+    values: Array
+
+    def alike(self, key: tuple[str, str], least: float = ALIKE) -> list[tuple[str, str, float]]:
+        """Kinds and places that these data can hardly tell from ``key``, the most alike first."""
+        if key not in self.keys:
+            return []
+        row = self.values[self.keys.index(key)]
+        found = [(*k, float(v)) for k, v in zip(self.keys, row, strict=True) if k != key and v >= least]
+        return sorted(found, key=lambda f: -f[2])
+
+    def classes(self, least: float = ALIKE) -> list[list[str]]:
+        """Classes of look-alikes: connected by a likeness of ``least`` or more; larger first."""
+        _, label = connected_components(csr_matrix((self.values >= least).astype(np.int8)), directed=False)
+        groups: dict[int, list[str]] = {}
+        for (kind, where), number in zip(self.keys, label, strict=True):
+            groups.setdefault(int(number), []).append(f"{kind} at {where}")
+        return sorted((g for g in groups.values() if len(g) > 1), key=len, reverse=True)
 
 
-def classes(
-    screening: Screening, signatures: Signatures, best: dict[tuple[str, str], Best], least: float = ALIKE
-) -> list[list[str]]:
-    """Classes of look-alikes among all kinds and places: connected by a likeness of ``least`` or more; larger first."""
-    keys = list(best)
-    parent = list(range(len(keys)))
-
-    def root(k: int) -> int:
-        while parent[k] != k:
-            parent[k] = parent[parent[k]]
-            k = parent[k]
-        return k
-
-    for a in range(len(keys)):
-        for b in range(a):
-            if (
-                root(a) != root(b)
-                and likeness(screening, signatures, best[keys[a]].index, best[keys[b]].index) >= least
-            ):
-                parent[root(a)] = root(b)
-    groups: dict[int, list[str]] = {}
-    for k, key in enumerate(keys):
-        groups.setdefault(root(k), []).append(f"{key[0]} at {key[1]}")
-    return sorted((g for g in groups.values() if len(g) > 1), key=len, reverse=True)
+def compare(screening: Screening, signatures: Signatures, best: dict[tuple[str, str], Best]) -> Likenesses:
+    """Likeness of every kind and place to every other, each with its best shape."""
+    return Likenesses(tuple(best), likenesses(screening, signatures, [entry.index for entry in best.values()]))
 
 
 def weakest(best: dict[tuple[str, str], Best], factor: float) -> list[tuple[str, float]]:

@@ -38,10 +38,12 @@ MASS_SPREAD, INERTIA_SPREAD, STIFFNESS_SPREAD, DAMPING_SPREAD, BENDING_SPREAD, A
 )
 #: Plausible distance of the centre of mass along z and of the rest length, as a share of the rest length.
 CENTER_SPREAD, REST_SPREAD = 0.08, 0.2
-#: Elongation at which the higher stiffness terms are compared with the first, m, as a share of the range of lengths.
-ELONGATION_SHARE = 0.4
-#: Terms of the stiffness polynomial that are identified even where the file has fewer.
-STIFFNESS_TERMS = 4
+#: Where in the range of lengths the tangent stiffness is identified: as many terms of the polynomial as places. Numbers
+#: at places stay positive and plausible where coefficients would not: a polynomial that turns soft beyond the data
+#: lets the arm run away on other logs.
+STIFFNESS_PLACES = (0.05, 0.35, 0.65, 0.95)
+#: Least tangent stiffness, as a share of that at rest.
+LEAST_STIFFNESS = 0.05
 
 
 @dataclass(frozen=True)
@@ -195,9 +197,9 @@ def with_effect_tables(core: Core, effects: Sequence[Mapping[str, Any]]) -> Core
 def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
     """Write one plain number into the core's description.
 
-    ``("mass", i)`` moves the inertia along, since (56) is proportional to the mass; ``("stiffness", i, k)``,
-    ``("damping", i)``, ``("rest_length", i)`` and ``("terminal_area", i)`` act on all bellows of the section, whose
-    differences stay in proportion.
+    ``("mass", i)`` moves the inertia along, since (56) is proportional to the mass. ``("tangent_stiffness", i, place)``
+    (see :func:`set_tangent_stiffness`), ``("damping", i)``, ``("rest_length", i)`` and ``("terminal_area", i)`` act on
+    all bellows of the section, whose differences stay in proportion.
     """
     key, section = str(path[0]), core["section"][int(path[1])]
     if key == "mass":
@@ -212,18 +214,44 @@ def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
         section["center_of_mass"] = [*section["center_of_mass"][:2], value]
     elif key == "bending_stiffness":
         section["bending_stiffness"] = [value, *section["bending_stiffness"][1:]]
-    elif key == "stiffness":
-        term = int(path[2])
-        first = section["bellows"][0]["stiffness"]
-        old = first[term] if term < len(first) else 0.0
-        for bellows in section["bellows"]:
-            terms = [*bellows["stiffness"], *[0.0] * (term + 1 - len(bellows["stiffness"]))]
-            terms[term] = terms[term] * value / old if old else value
-            bellows["stiffness"] = terms
+    elif key == "tangent_stiffness":
+        set_tangent_stiffness(section, path[2], value)
     else:
         old = section["bellows"][0][key]
         for bellows in section["bellows"]:
             bellows[key] = bellows[key] * value / old if old else value
+
+
+def stiffness_elongations(low: float, high: float, rest: float) -> tuple[float, ...]:
+    """Elongations at which the tangent stiffness is identified, m, for a range of lengths and a nominal rest length."""
+    return tuple(low + share * (high - low) - rest for share in STIFFNESS_PLACES)
+
+
+def tangent_stiffness(stiffness: Sequence[float], elongation: float) -> float:
+    """Slope of the spring force ``sum_m stiffness[m] x^(m + 1)``, N/m."""
+    return sum((m + 1) * k * elongation**m for m, k in enumerate(stiffness))
+
+
+def set_tangent_stiffness(section: Core, place: str | int, value: float) -> None:
+    """Change the springs of a section: tangent stiffness ``value`` at one elongation, and as it was at the others.
+
+    ``place`` names the elongations and which of them it is: ``"k x0 x1 ..."``.
+    """
+    number, *elongations = str(place).split()
+    at = [float(x) for x in elongations]
+    own = at.pop(int(number))
+    # Lagrange's polynomial: one at its own elongation, zero at the others.
+    shape = np.array([1.0])
+    for other in at:
+        shape = np.convolve(shape, np.array([-other, 1.0]) / (own - other))
+    first = list(section["bellows"][0]["stiffness"])
+    change = value - tangent_stiffness(first, own)
+    for bellows in section["bellows"]:
+        terms = [*bellows["stiffness"], *[0.0] * (len(shape) - len(bellows["stiffness"]))]
+        scale = terms[0] / first[0] if first[0] else 1.0
+        for m, weight in enumerate(shape):
+            terms[m] += scale * change * float(weight) / (m + 1)
+        bellows["stiffness"] = terms
 
 
 def plain_model(arm: Arm) -> Model:
@@ -240,7 +268,6 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     place = f"section {i + 1}"
     rest, stiffness = float(bellows["rest_length"]), [float(k) for k in bellows["stiffness"]]
     low, high = section["length_range"]
-    reach = ELONGATION_SHARE * (high - low)
 
     def scaled(key: str, unit: str, nominal: float, spread: float, *more: str | int) -> Coordinate:
         return Coordinate(f"{place} {key}", unit, nominal, spread, True, (key, i, *more))
@@ -260,15 +287,13 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
         scaled("damping", "N s/m", max(float(bellows["damping"]), 1e-3), DAMPING_SPREAD),
     ]
     first = stiffness[0] if stiffness[0] > 0.0 else 1.0
-    found.append(Coordinate(f"{place} stiffness 1", "N/m", first, STIFFNESS_SPREAD, True, ("stiffness", i, 0)))
-    for term in range(1, max(STIFFNESS_TERMS, len(stiffness))):
-        nominal = stiffness[term] if term < len(stiffness) else 0.0
-        spread = STIFFNESS_SPREAD * first / reach**term
-        found.append(
-            Coordinate(
-                f"{place} stiffness {term + 1}", f"N/m^{term + 1}", nominal, spread, False, ("stiffness", i, term)
-            )
-        )
+    elongations = stiffness_elongations(low, high, rest)
+    listed = " ".join(repr(x) for x in elongations)
+    for number, elongation in enumerate(elongations):
+        nominal = max(tangent_stiffness(stiffness, elongation), LEAST_STIFFNESS * first)
+        name = f"{place} tangent stiffness at {1e3 * elongation:+.0f} mm"
+        path = ("tangent_stiffness", i, f"{number} {listed}")
+        found.append(Coordinate(name, "N/m", nominal, STIFFNESS_SPREAD, True, path))
     bending = float(section["bending_stiffness"][0])
     # Where the file has none, a tenth of what the bellows' springs make of a bend.
     size = bending if bending > 0.0 else 0.15 * first * float(section["bellows_radius"]) ** 2

@@ -31,6 +31,11 @@ Array = NDArray[np.float64]
 THIRD_DIFFERENCE_VARIANCE = 20.0
 #: Median of the square of a standard normal variable.
 MEDIAN_SQUARE = 0.45493642311957283
+#: Fewest different readings from which noise is estimated.
+FEWEST_FRESH = 40
+#: Least noise of an output that is assumed, as a share of what the outputs of its kind travel: no arm is described more
+#: finely by sections of constant curvature, whatever the sensor resolves.
+LEAST_NOISE_SHARE = 3e-4
 #: Shortest time without change after which a channel that otherwise changes counts as frozen, s.
 FROZEN_TIME = 1.0
 
@@ -71,8 +76,8 @@ class Record:
         channels: names of the outputs.
         facts: noise and flaws of the outputs.
         pressure_facts: noise and flaws of the inputs.
-        noise_share: share of the noise's variance that filtering has left in the compared rows.
         thinning: every how many rows one is compared, after low-pass filtering.
+        pressure_taps: the filter that the pressures went through, None for none; ``pressure_facts`` are from before.
     """
 
     name: str
@@ -85,8 +90,8 @@ class Record:
     channels: tuple[str, ...]
     facts: tuple[ChannelFacts, ...]
     pressure_facts: tuple[ChannelFacts, ...]
-    noise_share: float = 1.0
     thinning: int = 1
+    pressure_taps: Array | None = None
 
     @property
     def output_time(self) -> Array:
@@ -183,10 +188,9 @@ def frozen_intervals(time: Array, values: Array) -> tuple[tuple[float, float], .
         return ()
     usual = float(np.quantile(lengths, 0.9))
     found = []
-    for start, length in zip(starts, lengths, strict=True):
-        end = min(start + length, len(time) - 1)
-        span = float(time[end] - time[start])
-        if length > max(20.0, 10.0 * usual) and span > FROZEN_TIME:
+    for k in np.flatnonzero(lengths > max(20.0, 10.0 * usual)):
+        start, end = starts[k], min(starts[k] + lengths[k], len(time) - 1)
+        if time[end] - time[start] > FROZEN_TIME:
             found.append((float(time[start]), float(time[end])))
     # A command repeats itself for most of the time; a sensor that freezes does so once or twice.
     return tuple(found) if 0 < len(found) <= 4 else ()
@@ -213,7 +217,8 @@ def channel_facts(time: Array, name: str, unit: str, values: Array) -> ChannelFa
     fresh = part[np.concatenate([[True], np.diff(part) != 0.0])] if len(part) else part
     step = quantum(part)
     share = held_share(part, third_difference_noise(fresh), step)
-    noise = third_difference_noise(fresh if share > 0.0 else part)
+    # A channel that hardly ever changes is a command, and its few jumps are no noise.
+    noise = third_difference_noise(fresh if share > 0.0 else part) if len(fresh) >= FEWEST_FRESH else 0.0
     return ChannelFacts(name, unit, noise, step, share, frozen)
 
 
@@ -300,6 +305,21 @@ def _fresh_rows(time: Array, outputs: Array, facts: Sequence[ChannelFacts]) -> N
     if held and len(held) == len(facts):
         keep &= np.concatenate([[True], np.any(np.diff(outputs[:, held], axis=0) != 0.0, axis=1)])
     return np.flatnonzero(keep)
+
+
+def with_least_noise(records: Sequence[Record]) -> list[Record]:
+    """The records with no output's noise below ``LEAST_NOISE_SHARE`` of the travel of its kind (lengths, positions)."""
+    travel = {True: 0.0, False: 0.0}
+    for record in records:
+        spans = np.ptp(np.quantile(record.outputs, [0.02, 0.98], axis=0), axis=0)
+        for channel, span in zip(record.channels, spans, strict=True):
+            kind = channel.startswith("q")
+            travel[kind] = max(travel[kind], float(span))
+    least = {kind: LEAST_NOISE_SHARE * value for kind, value in travel.items()}
+    return [
+        replace(r, facts=tuple(replace(f, noise=max(f.noise, least[f.name.startswith("q")])) for f in r.facts))
+        for r in records
+    ]
 
 
 def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:

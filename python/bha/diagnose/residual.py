@@ -14,6 +14,9 @@ from bha.diagnose.where import block_edges
 
 Array = NDArray[np.float64]
 
+#: Power of a spectral line over its surroundings: resonances that noise excites stay below it.
+LINE = 80.0
+
 
 def describe_residual(holdout: Holdout, best: Trial, plain: Trial, seed: int) -> dict[str, Any]:
     """Whiteness, strongest line of the spectrum, and what the residual of the best model correlates with."""
@@ -45,7 +48,7 @@ def _line(holdout: Holdout, best: Trial) -> dict[str, Any] | None:
     assert power is not None
     peak = int(np.argmax(power))
     around = np.median(power[max(0, peak - 60) : peak + 60])
-    if power[peak] < 30.0 * around:
+    if power[peak] < LINE * around:
         return None
     return {"frequency": float(grid[peak]), "over_surroundings": float(power[peak] / around)}
 
@@ -70,7 +73,7 @@ def _follows(holdout: Holdout, best: Trial) -> list[dict[str, Any]]:
     found = []
     for output, values in target.items():
         for cause, regressor in rows.items():
-            if np.std(regressor) == 0.0 or np.std(values) == 0.0:
+            if np.ptp(regressor) == 0.0 or np.ptp(values) == 0.0:
                 continue
             test = stats.spearmanr(values, regressor)
             found.append(

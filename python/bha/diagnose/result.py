@@ -40,6 +40,18 @@ class Number(Table):
     at_bound: bool = False
 
 
+class Correction(Table):
+    """An effect of the same kind within the place of a named one or around it: it corrects that one's form.
+
+    Attributes:
+        where: as in a parameter file.
+        parameters: its numbers.
+    """
+
+    where: str
+    parameters: dict[str, Number]
+
+
 class Effect(Table):
     """A named effect.
 
@@ -53,6 +65,8 @@ class Effect(Table):
             cause.
         experiment: what would tell it from those it is confused with, empty where nothing has to.
         gap_removed: share of the excess error on the held-out logs that it removes, beside the other effects named.
+        corrections: more of the same kind at nested places. Real effects have other forms than the catalogue's and
+            differ between the bellows of an arm; such terms are no causes of their own.
     """
 
     kind: str
@@ -63,6 +77,7 @@ class Effect(Table):
     empirical: bool = False
     experiment: str = ""
     gap_removed: Finite = 0.0
+    corrections: list[Correction] = []
 
 
 class Gap(Table):

@@ -124,18 +124,19 @@ def probe(
     base = base if coarse else problem.engine.run(plain)
     for first in range(0, len(changes), BATCH):
         tell(first / len(changes))
-        part = changes[first : first + BATCH]
-        run = [k for k, (effect, _) in enumerate(part) if effect["kind"] not in ON_LENGTHS]
-        outputs = problem.engine.run(_jobs(problem, fit, core, [part[k][0] for k in run]), coarse=coarse)
+        batch = changes[first : first + BATCH]
+        run = [k for k, (effect, _) in enumerate(batch) if effect["kind"] not in ON_LENGTHS]
+        outputs = problem.engine.run(_jobs(problem, fit, core, [batch[k][0] for k in run]), coarse=coarse)
         count = len(problem.records)
-        for k, (effect, size) in enumerate(part):
+        for k, (effect, size) in enumerate(batch):
             if k in run:
                 at = run.index(k) * count
                 change = [(a - b) / size for a, b in zip(outputs[at : at + count], base, strict=True)]
             else:
                 channel = "q" + str(effect["where"]).removeprefix("bellows ")
                 change = [
-                    length_change(str(effect["kind"]), channel, r, y) for r, y in zip(problem.records, base, strict=True)
+                    length_change(str(effect["kind"]), channel, r, y)
+                    for r, y in zip(problem.records, base, strict=True)
                 ]
             # A probe that diverges has no signature: it scores nothing.
             table[:, first + k] = np.nan_to_num(problem.white(change), nan=0.0, posinf=0.0, neginf=0.0)
@@ -146,9 +147,9 @@ def probe(
 def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, Any]]) -> list[Job]:
     """Runs of the probes on every log, probe by probe; pressures that act are computed beforehand."""
     plain = json.dumps(core)
-    inputs = core["inputs"]
+    place = {f"input {name}": j for j, name in enumerate(core["inputs"])}
     pressures = [
-        PressureProbe(e["kind"], tuple(inputs.index(m.removeprefix("input ")) for m in members(e["where"], "input", core)), e["parameters"])
+        PressureProbe(e["kind"], tuple(place[m] for m in members(e["where"], "input", core)), e["parameters"])
         for e in effects
         if e["kind"] in ON_PRESSURES
     ]
@@ -232,21 +233,33 @@ def score(problem: Problem, fit: Fit, signatures: Signatures) -> Screening:
     return Screening(tuple(sorted(found, key=lambda s: -s.score)), gram, inner)
 
 
-def likeness(screening: Screening, signatures: Signatures, a: int, b: int) -> float:
-    """Greatest canonical correlation of two candidates' projected signatures: 1 if the data cannot tell them apart."""
-    first, second = signatures.columns[a], signatures.columns[b]
+def likenesses(screening: Screening, signatures: Signatures, which: Sequence[int]) -> Array:
+    """Greatest canonical correlations of the projected signatures of the candidates ``which``, shape (m, m).
 
-    def block(left: tuple[tuple[int, ...], ...], right: tuple[tuple[int, ...], ...]) -> Array:
-        return np.array([[screening.gram[np.ix_(p, q)].sum() for q in right] for p in left])
-
-    factors = []
-    for columns in (first, second):
-        values, vectors = np.linalg.eigh(block(columns, columns))
-        alive = values > 1e-8 * max(float(values[-1]), 1e-300)
-        if not np.any(alive) or values[-1] <= 0.0:
-            return 0.0
-        factors.append(vectors[:, alive] / np.sqrt(values[alive]))
-    return float(min(1.0, np.linalg.svd(factors[0].T @ block(first, second) @ factors[1], compute_uv=False)[0]))
+    One means that the data cannot tell two candidates apart; a candidate without a signature is like none.
+    """
+    directions: list[Array] = []
+    owner: list[int] = []
+    for place, index in enumerate(which):
+        columns = signatures.columns[index]
+        sums = np.zeros((screening.gram.shape[0], len(columns)))
+        for k, parts in enumerate(columns):
+            sums[list(parts), k] = 1.0
+        values, vectors = np.linalg.eigh(sums.T @ screening.gram @ sums)
+        alive = (values > 1e-8 * max(float(values[-1]), 1e-300)) & (values > 0.0)
+        directions.append(sums @ (vectors[:, alive] / np.sqrt(values[alive])))
+        owner += [place] * int(np.count_nonzero(alive))
+    basis = np.concatenate(directions, axis=1)
+    cosines = basis.T @ screening.gram @ basis
+    result = np.eye(len(which))
+    members_of = [np.flatnonzero(np.array(owner) == place) for place in range(len(which))]
+    for a, first in enumerate(members_of):
+        for b, second in enumerate(members_of[:a]):
+            if len(first) and len(second):
+                block = cosines[np.ix_(first, second)]
+                value = abs(block[0, 0]) if block.size == 1 else np.linalg.svd(block, compute_uv=False)[0]
+                result[a, b] = result[b, a] = min(1.0, float(value))
+    return result
 
 
 def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tuple[float, tuple[float, ...], float]:

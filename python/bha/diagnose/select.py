@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bha.diagnose.catalogue import Ranges
 from bha.diagnose.fit import Fit, Problem, improve, with_sensitivities
-from bha.diagnose.holdout import Holdout, Prediction, better
+from bha.diagnose.holdout import Holdout, better, excesses
 from bha.diagnose.refit import Trial, bic, correlation_length, refit, store, stored, without
 from bha.diagnose.screen import Scored, Screening, Signatures, score
 
@@ -36,16 +36,20 @@ class Rules:
         backward: drop of the criterion that keeps it.
         rank: greatest p-value of the paired rank test on held-out blocks that keeps it.
         share: least share of the excess error on held-out blocks that it has to remove.
+        worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        refined: a runner-up is refined too if it brings at least this share of what the first one brings.
     """
 
-    most: int = 5
-    tried: tuple[int, int] = (6, 4)
+    most: int = 4
+    tried: tuple[int, int] = (4, 3)
     per_kind: int = 2
     forward: float = 10.0
     swap: float = 4.0
     backward: float = 10.0
     rank: float = 0.02
     share: float = 0.025
+    worth: float = 0.02
+    refined: float = 0.7
 
 
 @dataclass
@@ -55,19 +59,23 @@ class Search:
     Attributes:
         plain: the plain model.
         best: the best set so far.
+        rules: its thresholds.
         screening: the screening of the plain residual.
         trials: all refitted sets.
         rivals: for every round its trials with one more effect than before, best first.
         notes: what was decided and why.
+        shares: of each effect of the best set the share of the excess on held-out logs that comes back without it.
         complete: whether the search came to its end.
     """
 
     plain: Trial
     best: Trial
+    rules: Rules = field(default_factory=Rules)
     screening: Screening | None = None
     trials: list[Trial] = field(default_factory=list)
     rivals: list[list[Trial]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    shares: dict[tuple[str, str], float] = field(default_factory=dict)
     complete: bool = False
 
 
@@ -109,11 +117,13 @@ def search(
     """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete."""
     if state is None:
         first = Trial((), plain, holdout.predict(plain.model, plain.x))
-        state = Search(first, first)
+        state = Search(first, first, rules)
     try:
         _forward(problem, holdout, signatures, ranges, rules, say, state)
-        _swap(problem, holdout, signatures, ranges, rules, say, state)
+        # What is needless goes first: swaps are only worth their time among what stays.
         _backward(problem, holdout, rules, say, state)
+        if _swap(problem, holdout, signatures, ranges, rules, say, state):
+            _backward(problem, holdout, rules, say, state)
         state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted: the search is not complete")
@@ -123,49 +133,28 @@ def search(
 def _forward(
     problem: Problem, holdout: Holdout, signatures: Signatures, ranges: Ranges, rules: Rules, say: Say, state: Search
 ) -> None:
+    worth = rules.worth * max(0.0, state.plain.fit.squares - problem.rows)
     for number in range(rules.most):
         current = state.best
         screening = score(problem, current.fit, signatures)
-        ranking = screening.ranking
         if state.screening is None:
             state.screening = screening
         correlation = correlation_length(problem, current.fit.residual)
         count = rules.tried[0] if number == 0 else rules.tried[1]
         taken = [c.key for c in current.candidates]
-        chosen = promising(ranking, taken, count, rules.per_kind, problem.rows / correlation)
-        trials: list[Trial] = []
-        for k, scored in enumerate(chosen):
-            say(
-                f"effect {number + 1}: refitting {scored.candidate.kind} at {scored.candidate.where} "
-                f"({k + 1} of {len(chosen)})"
-            )
-            trial = refit(
-                problem,
-                holdout,
-                current.fit,
-                [*current.candidates, scored.candidate],
-                [scored.strengths],
-                ranges,
-                kept=len(current.candidates),
-            )
-            if trial is not None:
-                trials.append(trial)
-                state.trials.append(trial)
+        chosen = promising(screening.ranking, taken, count, rules.per_kind, problem.rows / correlation)
+        # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
+        chosen = [scored for scored in chosen if scored.score > 0.5 * worth]
+        if not chosen:
+            state.notes.append(f"no further candidate promises {100 * rules.worth:.1f} % of the excess error")
+            return
+        trials = _tried(problem, holdout, ranges, say, state, chosen)
         if not trials:
             return
-        trials = _sorted(trials, problem)
-        # The winner and its nearest rivals once more, with sensitivities of their own: the others' are those of the
-        # smaller model.
-        for k in range(min(2, len(trials))):
-            say(f"effect {number + 1}: refining {_names(trials[k])}")
-            finer = _refined(problem, holdout, trials[k])
-            state.trials.append(finer)
-            trials[k] = finer
-        trials = _sorted(trials, problem)
         state.rivals.append(trials)
         correlation = correlation_length(problem, trials[0].fit.residual)
         gain = bic(current, problem, correlation) - bic(trials[0], problem, correlation)
-        if gain < rules.forward:
+        if gain < rules.forward or current.fit.squares - trials[0].fit.squares < worth:
             state.notes.append(f"{_names(trials[0])} lowers the criterion by {gain:.1f} only: not taken in")
             return
         state.best = trials[0]
@@ -175,7 +164,39 @@ def _forward(
             return
 
 
+def _tried(
+    problem: Problem, holdout: Holdout, ranges: Ranges, say: Say, state: Search, chosen: Sequence[Scored]
+) -> list[Trial]:
+    """The best set with each of ``chosen`` added, refitted; the best of them first."""
+    current = state.best
+    number = len(current.candidates) + 1
+    trials: list[Trial] = []
+    for k, scored in enumerate(chosen):
+        say(
+            f"effect {number}: refitting {scored.candidate.kind} at {scored.candidate.where} ({k + 1} of {len(chosen)})"
+        )
+        candidates = [*current.candidates, scored.candidate]
+        trial = refit(
+            problem, holdout, current.fit, candidates, [scored.strengths], ranges, kept=len(current.candidates)
+        )
+        if trial is not None:
+            trials.append(trial)
+            state.trials.append(trial)
+    # The winner and a near runner-up once more, with sensitivities of their own: the others' are those of the smaller
+    # model.
+    trials = _sorted(trials, problem)
+    most = max((current.fit.squares - t.fit.squares for t in trials), default=0.0)
+    for k, trial in enumerate(trials[:2]):
+        if k == 0 or current.fit.squares - trial.fit.squares > state.rules.refined * most:
+            say(f"effect {number}: refining {_names(trial)}")
+            trials[k] = _refined(problem, holdout, trial)
+            state.trials.append(trials[k])
+    return _sorted(trials, problem)
+
+
 def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
+    if not trials:
+        return trials
     correlation = correlation_length(problem, min(trials, key=lambda t: t.fit.squares).fit.residual)
     return sorted(trials, key=lambda t: bic(t, problem, correlation))
 
@@ -195,17 +216,12 @@ def _names(trial: Trial) -> str:
     return " and ".join(f"{kind} at {where}" for kind, where in trial.key)
 
 
-def excess(prediction: Prediction) -> float:
-    """Mean square of the white residual above that of noise."""
-    return max(0.0, prediction.mean_square - 1.0)
-
-
 def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state: Search) -> None:
     """Drop what the held-out logs do not need, the least needed first."""
     while state.best.candidates:
         current = state.best
         correlation = correlation_length(problem, current.fit.residual)
-        before = excess(state.plain.prediction)
+        state.shares.clear()
         weakest: tuple[float, Trial, str] | None = None
         for k in range(len(current.candidates)):
             say(f"pruning: without {current.key[k][0]} at {current.key[k][1]}")
@@ -214,7 +230,9 @@ def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state:
                 continue
             gain = bic(smaller, problem, correlation) - bic(current, problem, correlation)
             p_value = better(smaller.prediction, current.prediction)
-            share = (excess(smaller.prediction) - excess(current.prediction)) / max(before, 1e-9)
+            before, more, less = excesses(state.plain.prediction, smaller.prediction, current.prediction)
+            share = (more - less) / max(before, 1e-9)
+            state.shares[current.key[k]] = share
             fails = [
                 text
                 for failed, text in (
@@ -234,11 +252,12 @@ def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state:
 
 def _swap(
     problem: Problem, holdout: Holdout, signatures: Signatures, ranges: Ranges, rules: Rules, say: Say, state: Search
-) -> None:
-    """Exchange effects of a set of several for look-alikes where that lowers the criterion."""
+) -> bool:
+    """Exchange effects of a set of several for look-alikes where that lowers the criterion; whether one was."""
+    swapped = False
     for k in range(len(state.best.candidates)):
         if len(state.best.candidates) < 2:
-            return
+            break
         current = state.best
         say(f"look-alikes of {current.key[k][0]} at {current.key[k][1]}")
         smaller = without(problem, holdout, current, k)
@@ -247,18 +266,14 @@ def _swap(
         ranking = score(problem, smaller.fit, signatures).ranking
         correlation = correlation_length(problem, current.fit.residual)
         for scored in promising(ranking, current.key, 2, 1, problem.rows / correlation):
-            trial = refit(
-                problem,
-                holdout,
-                smaller.fit,
-                [*smaller.candidates, scored.candidate],
-                [scored.strengths],
-                ranges,
-                kept=len(smaller.candidates),
-            )
+            candidates = [*smaller.candidates, scored.candidate]
+            kept = len(smaller.candidates)
+            trial = refit(problem, holdout, smaller.fit, candidates, [scored.strengths], ranges, kept=kept)
             if trial is None:
                 continue
             state.trials.append(trial)
             if bic(current, problem, correlation) - bic(trial, problem, correlation) > rules.swap:
                 state.notes.append(f"{_names(trial)} in place of {_names(current)}")
                 state.best = current = trial
+                swapped = True
+    return swapped

@@ -1,7 +1,7 @@
-"""Probes that need no effect in the core: effects on pressures as changed inputs, effects on length sensors as changed outputs.
+"""Probes without effects in the core: those on pressures as changed inputs, on length sensors as changed outputs.
 
-What: the same forms as `rust/src/effects/kinds`, at the samples. An arm without effects runs abreast with others like it in the lanes of
-the processor, whatever its inputs; hundreds of probes gain by that. Fits use the core's effects.
+What: the same forms as `rust/src/effects/kinds`, at the samples. An arm without effects runs abreast with others like
+it in the lanes of the processor, whatever its inputs; hundreds of probes gain by that. Fits use the core's effects.
 """
 
 from __future__ import annotations

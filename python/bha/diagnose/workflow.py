@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnose import catalogue, excitation
-from bha.diagnose.baseline import Baseline, Prepared, first_state, fit_baseline, prepare_runs, thin
+from bha.diagnose.baseline import Baseline, Prepared, cut_to, first_state, fit_baseline, prepare_runs, thin
 from bha.diagnose.cache import Cache, key_of
 from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
 from bha.diagnose.engine import Engine, Job
@@ -22,12 +22,13 @@ from bha.diagnose.holdout import Holdout
 from bha.diagnose.intervals import confidences, coordinate_draws, intervals
 from bha.diagnose.model import EffectTerm, Model, plain_model
 from bha.diagnose.noise import Whitener
-from bha.diagnose.records import Record, prepare, split
+from bha.diagnose.records import Record, prepare, split, with_least_noise
 from bha.diagnose.refit import Trial, bic, correlation_length
 from bha.diagnose.residual import describe_residual
-from bha.diagnose.result import CandidateLine, Diagnosis, Effect, Gap, Number, plain
+from bha.diagnose.result import CandidateLine, Correction, Diagnosis, Effect, Gap, Number, plain
 from bha.diagnose.screen import Signatures, probe, score
 from bha.diagnose.select import Rules, Search, search
+from bha.diagnose.smoothing import smoothed
 from bha.diagnose.where import locate
 from bha.errors import InputError
 
@@ -91,20 +92,21 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     train, held = _records(arm, logs, holdout_logs, commanded)
     model = plain_model(arm)
     say("choosing the integration step")
-    prepared = prepare_runs(model, train, lambda step: Engine(step, threads))
-    engine = Engine(prepared.step, threads, prepared.coarse)
+    prepared = prepare_runs(model, train, lambda step, method: Engine(step, threads, method=method))
+    engine = Engine(prepared.step, threads, prepared.coarse, method=prepared.method)
     say("re-identifying the plain model")
     options = (commanded, seed, rules, prepared.step, kinds)
     cache = Cache(cache_folder, key_of(json.dumps(model.core), [*train, *held], options))
     baseline = fit_baseline(model, prepared, engine, seed, cache)
     problem, plain_fit = baseline.problem, baseline.fit
     holdout = _holdout(baseline, prepared, held, engine)
+    held = [cut_to(r, t) for r, t in zip(held, holdout.problem.records, strict=True)]
     prediction = holdout.predict(plain_fit.model, plain_fit.x)
     first = Trial((), plain_fit, prediction)
-    state = Search(first, first)
+    state = Search(first, first, rules)
     noise_rms = _noise_rms(baseline)
     say("testing the gap")
-    before = open_loop_error(held, engine, first)
+    before = open_loop_error(held, engine, first, prediction.until)
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits)
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
@@ -122,7 +124,14 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    after = open_loop_error(held, engine, state.best) if state.best.candidates else before
+    # Both over the same rows: those before either model runs away.
+    until = [min(ends) for ends in zip(prediction.until, state.best.prediction.until, strict=True)]
+    after = before
+    if state.best.candidates:
+        before, after = (open_loop_error(held, engine, trial, until) for trial in (first, state.best))
+    for record, end in zip(held, until, strict=True):
+        if np.isfinite(end):
+            state.notes.append(f"{record.name}: compared up to {end:.1f} s; after that a model runs away")
     verdict = decide(state, gap, after / noise_rms, limits)
     errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
@@ -163,7 +172,10 @@ def _records(
                 f"{train[0].name} measures {', '.join(train[0].channels)}; "
                 "the logs of one diagnosis need the same outputs"
             )
-    return (train, held) if held else split(train)
+    if not held:
+        train, held = split(train)
+    whole = smoothed(with_least_noise([*train, *held]))
+    return whole[: len(train)], whole[len(train) :]
 
 
 def _measured(records: Sequence[Record]) -> tuple[bool, bool]:
@@ -188,13 +200,13 @@ def _noise_rms(baseline: Baseline) -> float:
     return float(np.sqrt(np.mean(baseline.noise.floor**2)))
 
 
-def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial) -> float:
-    """Open-loop RMS error on all rows of the held-out logs, m; from the initial states of the trial's prediction."""
+def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial, until: Sequence[float]) -> float:
+    """Open-loop RMS error on the rows of the held-out logs before ``until``, m; from the trial's initial states."""
     arm = trial.fit.model.arm(trial.fit.x)
     outputs = engine.run([Job(arm, r, s) for r, s in zip(records, trial.prediction.states, strict=True)])
     squares, count = 0.0, 0
-    for record, y in zip(records, outputs, strict=True):
-        error = (record.outputs - y)[record.good]
+    for record, y, end in zip(records, outputs, until, strict=True):
+        error = (record.outputs - y)[record.good & (record.output_time < end)[:, None]]
         squares += float(np.sum(error**2)) if np.all(np.isfinite(error)) else np.inf
         count += error.size
     return min(float(np.sqrt(squares / max(count, 1))), 1e6)
@@ -220,10 +232,12 @@ def _describe(
     correlation = correlation_length(problem, final.fit.residual)
     lines = _candidates(state, best, problem, correlation)
     weak = excitation.weakest(best, np.sqrt(correlation))
-    effects = _effects(state, signatures, best, final, uncertainty, problem, correlation, seed) if named else []
+    alike = excitation.Likenesses((), np.empty((0, 0)))
+    if state.screening is not None and best:
+        alike = excitation.compare(state.screening, signatures, best)
+    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed) if named else []
     confused = [e.kind for e in effects if e.confusable_with]
     confused += [c.partition(" at ")[0] for e in effects for c in e.confusable_with]
-    groups = excitation.classes(state.screening, signatures, best) if state.screening is not None else []
     values = {
         c.name: Number(value=c.value(float(v)), unit=c.unit, ci95=uncertainty[k], at_bound=c.at_bound(float(v)))
         for k, (c, v) in enumerate(zip(final.fit.model.plain, final.fit.x, strict=False))
@@ -249,7 +263,7 @@ def _describe(
             "residual": plain(describe_residual(holdout, state.best, state.plain, seed) | {"notes": state.notes}),
             "excitation": plain(
                 {
-                    "classes": groups[:20],
+                    "classes": alike.classes()[:20],
                     "least_visible": [{"kind": k, "detectable_over_typical": r} for k, r in weak[:10]],
                     "next_experiment": excitation.next_experiment(confused, weak),
                 }
@@ -305,8 +319,7 @@ def _candidates(
 
 def _effects(
     state: Search,
-    signatures: Signatures,
-    best: dict[tuple[str, str], excitation.Best],
+    looks: excitation.Likenesses,
     final: Trial,
     uncertainty: Sequence[tuple[float, float]],
     problem: Problem,
@@ -328,10 +341,12 @@ def _effects(
         at += len(term.coordinates)
         rivals = _rivals(state, final, number, problem, correlation)
         alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
-        if state.screening is not None:
-            found = excitation.look_alikes(state.screening, signatures, best, candidate.key, 0.98)
-            refitted = {t.key[number] for t, _ in rivals}
-            alike += [f"{kind} at {where}" for kind, where, _ in found[:5] if (kind, where) not in refitted]
+        refitted = {t.key[number] for t, _ in rivals}
+        alike += [
+            f"{kind} at {where}"
+            for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]
+            if (kind, where) not in refitted
+        ]
         shares = confidences(problem, [final, *(t for t, _ in rivals[:5])], seed) if rivals else np.ones(1)
         kinds = [candidate.kind, *dict.fromkeys(a.partition(" at ")[0] for a in alike)]
         result.append(
@@ -343,8 +358,25 @@ def _effects(
                 confusable_with=list(dict.fromkeys(alike)),
                 empirical=empirical,
                 experiment=excitation.next_experiment(kinds, []) if alike else "",
+                gap_removed=state.shares.get(candidate.key, 0.0),
             )
         )
+    # The most important one first, whatever the order in which they were found.
+    result.sort(key=lambda e: -e.gap_removed)
+    return _gathered(result, final.fit.model.core)
+
+
+def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect]:
+    """Effects of one kind at nested places as one: the most important of them with the others as its corrections."""
+    result: list[Effect] = []
+    for effect in effects:
+        for k, main in enumerate(result):
+            if main.kind == effect.kind and catalogue.nested(main.where, effect.where, core):
+                more = Correction(where=effect.where, parameters=effect.parameters)
+                result[k] = main.model_copy(update={"corrections": [*main.corrections, more]})
+                break
+        else:
+            result.append(effect)
     return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ from bha.diagnose.model import Model
 
 if TYPE_CHECKING:
     from bha.arm import Arm
+    from bha.diagnose.result import Number
     from bha.diagnose.workflow import Outcome
     from bha.log import Log
 
@@ -24,25 +25,33 @@ def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
         if log.path is not None and log.sha256 is not None and len(log.sha256) == 64
     ]
     _write_plain(mapping, model, x, outcome, references)
-    tables = []
-    for effect in outcome.diagnosis.effects:
-        numbers = {name: number.value for name, number in effect.parameters.items()}
-        provenance: dict[str, Any] = {}
-        for name, number in effect.parameters.items():
-            entry: dict[str, Any] = {"status": "identified" if number.ci95 is not None else "assumed"}
-            if number.ci95 is not None:
-                entry["ci95"] = list(number.ci95)
-                if references:
-                    entry["logs"] = references
-            provenance[name] = entry
-        table: dict[str, Any] = {"kind": effect.kind, "where": effect.where, **numbers}
-        if provenance:
-            table["provenance"] = provenance
-        tables.append(table)
+    tables = [
+        _effect_table(effect.kind, where, parameters, references)
+        for effect in outcome.diagnosis.effects
+        for where, parameters in (
+            (effect.where, effect.parameters),
+            *((c.where, c.parameters) for c in effect.corrections),
+        )
+    ]
     changes: dict[str, Any] = {"section": mapping["section"]}
     if tables:
         changes["effect"] = [*mapping.get("effect", []), *tables]
     return type(arm)(arm.parameters.updated(changes))
+
+
+def _effect_table(
+    kind: str, where: str, parameters: Mapping[str, Number], references: list[dict[str, str]]
+) -> dict[str, Any]:
+    provenance: dict[str, Any] = {}
+    for name, number in parameters.items():
+        entry: dict[str, Any] = {"status": "identified" if number.ci95 is not None else "assumed"}
+        if number.ci95 is not None:
+            entry["ci95"] = list(number.ci95)
+            if references:
+                entry["logs"] = references
+        provenance[name] = entry
+    table: dict[str, Any] = {"kind": kind, "where": where, **{k: n.value for k, n in parameters.items()}}
+    return table | ({"provenance": provenance} if provenance else {})
 
 
 def _write_plain(
@@ -73,12 +82,7 @@ def _write_plain(
         for key in ("mass", "rest_length", "damping", "terminal_area"):
             if (key, i) in intervals:
                 provenance[key] = _entry(intervals[key, i][1], references)
-        terms = [
-            intervals["stiffness", i, k][1] for k in range(len(first["stiffness"])) if ("stiffness", i, k) in intervals
-        ]
-        if len(terms) == len(first["stiffness"]):
-            provenance["stiffness"] = _entry(terms, references)
-        for key in ("inertia", "center_of_mass", "bending_stiffness"):
+        for key in ("inertia", "center_of_mass", "stiffness", "bending_stiffness"):
             provenance[key] = {"status": "identified", **({"logs": references} if references else {})}
         table["provenance"] = provenance
 
