@@ -2,7 +2,7 @@
 //!
 //! Source: forward sensitivities by dual numbers through the integrator itself, so they are the exact derivatives of the
 //! computed trajectory (Hairer, Norsett & Wanner, *Solving Ordinary Differential Equations I*, sec. I.14). Directions go
-//! abreast in lanes and over threads.
+//! over threads, a few a pass.
 //! Limits: an adaptive method's step sizes count as constants. Where the input jumps at a time that depends on a parameter
 //! (a delay), the derivative at the jump is missing.
 
@@ -12,8 +12,7 @@ use crate::error::{Error, Result};
 use crate::input::Input;
 use crate::integrate::{Integrator, Options};
 use crate::plant::Plant;
-use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
-use crate::real::{Dual, Kernel, Real};
+use crate::real::Dual;
 use crate::watch::watched;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -43,12 +42,10 @@ pub struct Trajectory<'a> {
     pub state: &'a [f64],
     /// Times of the rows, ascending, s.
     pub times: &'a [f64],
-    /// The lanes to use.
-    pub instruction_set: InstructionSet,
 }
 
-/// Directions of each lane.
-const BLOCKS: usize = 2;
+/// Directions a pass. In ordinary numbers and not in lanes: a whole plant over dual numbers of lanes takes a minute to compile.
+const WIDTH: usize = 4;
 
 impl Trajectory<'_> {
     /// States at the times, 6n a row, and their derivatives, the rows of one direction after those of the other.
@@ -75,12 +72,11 @@ impl Trajectory<'_> {
         }
         let none = [Direction { tangent: &[], state: &[] }];
         let directions = if directions.is_empty() { &none[..0] } else { directions };
-        let width = if self.instruction_set.lanes() == 1 { 2 * BLOCKS } else { self.instruction_set.lanes() * BLOCKS };
-        let chunks: Vec<_> = if directions.is_empty() { vec![directions] } else { directions.chunks(width).collect() };
+        let chunks: Vec<_> = if directions.is_empty() { vec![directions] } else { directions.chunks(WIDTH).collect() };
         let stop = AtomicBool::new(false);
         let work = || {
             let part = |chunk| Part { trajectory: self, directions: chunk, stop: &stop };
-            chunks.into_par_iter().map(|c| dispatch(self.instruction_set, part(c))).collect::<Result<Vec<_>>>()
+            chunks.into_par_iter().map(|c| part(c).run()).collect::<Result<Vec<_>>>()
         };
         let parts = watched(&stop, work, watch)?;
         let mut parts = parts.into_iter();
@@ -99,15 +95,8 @@ struct Part<'a> {
     stop: &'a AtomicBool,
 }
 
-impl AnyLanes for Part<'_> {
-    type Output = Result<(Vec<f64>, Vec<f64>)>;
-    fn with<T: Real>(self) -> Self::Output {
-        if T::LANES == 1 { self.run::<{ 2 * BLOCKS }, T>() } else { self.run::<BLOCKS, T>() }
-    }
-}
-
 impl Part<'_> {
-    fn run<const N: usize, T: Real>(&self) -> Result<(Vec<f64>, Vec<f64>)> {
+    fn run(&self) -> Result<(Vec<f64>, Vec<f64>)> {
         let Trajectory { arm, input, options, start, state, times, .. } = *self.trajectory;
         let zeros;
         let lifted = if self.directions.iter().any(|d| !d.tangent.is_empty()) {
@@ -118,56 +107,30 @@ impl Part<'_> {
                 .iter()
                 .map(|d| if d.tangent.is_empty() { zeros.as_slice() } else { d.tangent })
                 .collect();
-            with_tangents::<N, T>(arm, &tangents)
+            with_tangents::<WIDTH, f64>(arm, &tangents)
         } else {
             arm.lift()
         };
         let seed = |j: usize| Dual::seeded(state[j], |d| self.directions.get(d).map_or(0.0, |d| d.state[j]));
-        let x0: Vec<Dual<N, T>> = (0..state.len()).map(seed).collect();
+        let x0: Vec<Dual<WIDTH>> = (0..state.len()).map(seed).collect();
         let mut plant = Plant::new(Arc::new(lifted), input.clone());
         plant.begin(start, &x0);
         let (rows, size) = (times.len(), state.len());
         let mut values = vec![0.0; rows * size];
         let mut derivatives = vec![0.0; self.directions.len() * rows * size];
-        let kernel = Run {
-            integrator: Integrator::new(options, start, &x0),
-            plant,
-            times,
-            values: &mut values,
-            derivatives: &mut derivatives,
-            stop: self.stop,
-        };
-        T::enter(kernel)?;
-        Ok((values, derivatives))
-    }
-}
-
-struct Run<'a, const N: usize, T> {
-    integrator: Integrator<Dual<N, T>>,
-    plant: Plant<Dual<N, T>>,
-    times: &'a [f64],
-    values: &'a mut [f64],
-    derivatives: &'a mut [f64],
-    stop: &'a AtomicBool,
-}
-
-impl<const N: usize, T: Real> Kernel for Run<'_, N, T> {
-    type Output = Result<()>;
-    #[inline(always)]
-    fn run(self) -> Result<()> {
-        let Self { mut integrator, mut plant, times, values, derivatives, stop } = self;
-        let size = integrator.state().len();
-        let block = times.len() * size;
+        let mut integrator = Integrator::new(options, start, &x0);
+        let block = rows * size;
         let mut row = 0;
-        let mut sink = |_: f64, x: &[Dual<N, T>]| {
+        let mut sink = |_: f64, x: &[Dual<WIDTH>]| {
             for (j, x) in x.iter().enumerate() {
-                values[row * size + j] = x.value.lane(0);
+                values[row * size + j] = x.value;
                 for (d, rows) in derivatives.chunks_mut(block).enumerate() {
                     rows[row * size + j] = x.along(d);
                 }
             }
             row += 1;
         };
-        integrator.run(&mut plant, times, &mut sink, &mut || stop.load(Ordering::Relaxed))
+        integrator.run(&mut plant, times, &mut sink, &mut || self.stop.load(Ordering::Relaxed))?;
+        Ok((values, derivatives))
     }
 }

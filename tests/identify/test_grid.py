@@ -1,4 +1,4 @@
-"""Simulation on the integrator's own grid: interpolation to rows, averaged pressures, agreement with plain simulation."""
+"""A window simulated on a grid of steps agrees with the simulation of its rows."""
 
 from __future__ import annotations
 

@@ -125,8 +125,8 @@ pub fn sensitivities<'py>(
     let (state, output_times) = (state.as_slice()?, output_times.as_slice()?);
     let mut signal: Option<PyErr> = None;
     let result = py.detach(|| {
-        let (arm, input, instruction_set) = (&*arm, &Arc::new(drive), InstructionSet::best());
-        let trajectory = Trajectory { arm, input, options, start, state, times: output_times, instruction_set };
+        let (arm, input) = (&*arm, &Arc::new(drive));
+        let trajectory = Trajectory { arm, input, options, start, state, times: output_times };
         trajectory.differentiate(&directions, &mut || {
             if signal.is_none() {
                 signal = Python::attach(|py| py.check_signals()).err();
