@@ -185,3 +185,14 @@ def test_wrong_arguments(arm: bha.Arm, changes: dict, text: str) -> None:
     arguments = {"inputs": drive(arm), **changes}
     with pytest.raises(bha.InputError, match=text):
         bha.simulate_batch(arm, **arguments)
+
+
+def test_measured_pressures_go_past_the_pneumatics_as_in_single_runs() -> None:
+    arm = bha.robots.load("bha_nominal").with_changes(pneumatics="full")
+    time, pressures = np.array([0.0, 0.1, 0.3]), np.repeat([[1.1e5], [1.4e5], [1.4e5]], 9, axis=1)
+    drives = [bha.Input(time, pressures, None, commanded) for commanded in (True, False)]
+    batch = bha.simulate_batch(arm, drives, times=[0.0, 0.3])
+    for member, drive in enumerate(drives):
+        alone = bha.Simulation(arm, drive, bha.Options("rk4")).advance([0.0, 0.3])
+        np.testing.assert_allclose(batch.lengths[member], alone.lengths, rtol=0, atol=1e-12)
+    assert np.abs(batch.lengths[0] - batch.lengths[1]).max() > 1e-3

@@ -153,8 +153,9 @@ def test_sensitivities_of_a_trajectory(nominal: bha.Arm, method: str) -> None:
         rows = bha.Simulation(arm, drive, options, q0=x[:n], qd0=x[n:]).advance(times)
         return np.hstack([rows.lengths, rows.velocities])
 
-    np.testing.assert_allclose(found.states, run(nominal, x0), rtol=0, atol=1e-11)
-    tolerance = 1e-8 if method == "rk4" else 1e-6
+    # At these tolerances the step sizes of dopri5 are chosen by rounding, which is another over dual numbers.
+    same, tolerance = (1e-11, 1e-8) if method == "rk4" else (1e-9, 1e-6)
+    np.testing.assert_allclose(found.states, run(nominal, x0), rtol=0, atol=same)
     for k in (0, 4, n + 1, 2 * n - 1):
         unit = np.eye(2 * n)[k]
         expected = difference(lambda h, e=unit: run(nominal, x0 + h * e), 1e-3)

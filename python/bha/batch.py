@@ -128,6 +128,7 @@ def simulate_batch(
     arm_index, unique_arms = _unique(arm_list, count)
     input_index, unique_inputs = _unique(input_list, count)
     drives = [as_input(unique_arms[0], drive) for drive in unique_inputs]
+    arm_index, unique_arms = _without_pneumatics(arm_index, unique_arms, [drives[k].commanded for k in input_index])
     if starts is None:
         starts = np.array([_first(drives[index]) for index in input_index])
     starts = np.broadcast_to(starts, (count,))
@@ -177,6 +178,19 @@ def _unique(items: list[T], count: int) -> tuple[list[int], list[T]]:
             unique.append(item)
     index = [found[id(item)] for item in items]
     return (index if len(index) == count else index * count), unique
+
+
+def _without_pneumatics(index: list[int], arms: list[Arm], commanded: list[bool]) -> tuple[list[int], list[Arm]]:
+    """Members under measured pressures: those stand in the chambers already, so their arms go without pneumatics."""
+    index, arms, ideal = list(index), list(arms), dict[int, int]()
+    for member, arm in enumerate(index):
+        if commanded[member] or arms[arm].pneumatics_level == "ideal":
+            continue
+        if arm not in ideal:
+            ideal[arm] = len(arms)
+            arms.append(arms[arm].with_changes(pneumatics="ideal"))
+        index[member] = ideal[arm]
+    return index, arms
 
 
 def _first(drive: Input) -> float:
