@@ -1,4 +1,4 @@
-"""Simulation on the integrator's own grid: interpolation to rows, averaged pressures, agreement with plain simulation."""
+"""Simulation on the integrator's own grid: interpolation to rows, averaged pressures, plain simulation."""
 
 from __future__ import annotations
 
