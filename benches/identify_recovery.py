@@ -5,6 +5,7 @@ the true values lie within the 95 % intervals. Wanted: 90 to 99 % of them for pa
 error below 5 %), and a mean error below 1 %.
 
     python -m benches.identify_recovery --repeats 100
+    python -m benches.identify_recovery --slow-log
     python -m benches.identify_recovery --speed
 """
 
@@ -50,10 +51,15 @@ def synthetic_log(case: Case, seed: int) -> Log:
     """A log of the simulated arm: proposed excitation, draw-wire noise and quantisation, pressure noise."""
     proposal = excite(case.arm, duration=case.duration, rate=case.rate, seed=seed, free=["section.1.mass"])
     drive = bha.Input(proposal.time, proposal.pressures)
-    run = bha.simulate(case.arm, drive, method="rk4", step=1e-3)
+    return noisy_log(case.arm, drive, seed)
+
+
+def noisy_log(arm: bha.Arm, drive: bha.Input, seed: int) -> Log:
+    """What is measured of the simulated arm."""
+    run = bha.simulate(arm, drive, method="rk4", step=1e-3)
     random = np.random.default_rng([7, seed])
     columns: dict[str, Array] = {"t [s]": drive.time}
-    for name, p in zip(case.arm.inputs, drive.pressures.T, strict=True):
+    for name, p in zip(arm.inputs, drive.pressures.T, strict=True):
         columns[f"{name} [Pa]"] = p + PRESSURE_NOISE * random.standard_normal(len(p))
     for k, lengths in enumerate(run.lengths.T):
         noisy = lengths + NOISE * random.standard_normal(len(lengths))
@@ -94,20 +100,41 @@ def recover(case: Case, repeats: int, settings: Settings) -> None:
     print(f"all parameters together: {100 * np.mean(inside):.1f} % of intervals hold the true value")
 
 
+def slow_log() -> None:
+    """One slow log only: what it cannot tell must be said, and must not come back with a small interval.
+
+    Pressures creep through one slow cycle, 40 s long, so that nothing moves fast enough to show masses and dampings.
+    """
+    arm = arm_of(1)
+    free = default_free(arm.parameters)
+    time_ = np.arange(0.0, 40.0, 0.05)
+    wave = np.sin(2.0 * np.pi * time_[:, None] / 40.0 + np.array([0.0, 2.1, 4.2]))
+    drive = bha.Input(time_, 1.2e5 + 2e4 * wave)
+    start = start_of(arm, free, 1)
+    result = identify(start, [noisy_log(arm, drive, 1)], free, settings=Settings(threads=1))
+    for e in result.estimates:
+        true = paths.get_value(arm.parameters, e.path)
+        told = "told" if e.identified else "not told"
+        print(f"{e.name:32s} true {true:9.4g} estimate {e.value:9.4g} +- {e.standard_error:8.2g}  {told}")
+    for combination in result.unknown:
+        print(f"not identified: {combination.text}")
+
+
 def speed() -> None:
     """Time the identification of 20 parameters from 60 s at 200 Hz, with the nominal arm."""
     case = Case(arm_of(3), 60.0, 200.0)
     free = (*default_free(case.arm.parameters), "section.1.rest_length", "section.2.rest_length")
     log = synthetic_log(case, 0)
     start = start_of(case.arm, free, 0)
-    began = time.perf_counter()
+    began, cpu_began = time.perf_counter(), time.process_time()
 
     def tell(text: str, done: float) -> None:
         print(f"{time.perf_counter() - began:6.1f} s {100 * done:4.0f} %  {text}")
 
     result = identify(start, [log], free, progress=tell)
-    seconds = time.perf_counter() - began
-    print(f"{len(free)} parameters, {len(log)} rows: {seconds:.1f} s, converged {result.converged}")
+    seconds, cpu = time.perf_counter() - began, time.process_time() - cpu_began
+    state = f"converged {result.converged}, {seconds:.1f} s, {cpu:.1f} s of processor time"
+    print(f"{len(free)} parameters, {len(log)} rows: {state}")
 
 
 def main() -> None:
@@ -118,7 +145,11 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=12.0)
     parser.add_argument("--rate", type=float, default=100.0)
     parser.add_argument("--speed", action="store_true", help="time the large identification instead")
+    parser.add_argument("--slow-log", action="store_true", help="one slow log, which tells little")
     arguments = parser.parse_args()
+    if arguments.slow_log:
+        slow_log()
+        return
     if arguments.speed:
         speed()
         return

@@ -1,21 +1,22 @@
-"""What the noise of the measured pressures does to a fit: it spreads the estimate, and it shifts it.
+"""What the noise of the measured pressures does to a fit: it spreads the estimate, shifts it and passes for knowledge.
 
 The simulation is driven by measured pressures p + n. To first order the noise n adds G n to the prediction, which
-spreads the estimate; that part is covariance. To second order it shifts the estimate: a parameter that lowers the
-response G also lowers what the noise adds to the loss, so that noisy pressures make an arm look more damped than it is
-(an error in the variables, not in the measurement; of size n^2, 1 % of the damping for 500 Pa on the nominal arm's
-section).
+spreads the estimate; that part is covariance. To second order it does two things more. It shifts the estimate: a
+parameter that lowers the response G also lowers what the noise adds to the loss, so that noisy pressures make an arm
+look more damped than it is (an error in the variables, of size n^2: 1 % of the damping for 500 Pa on the nominal arm's
+section). And it adds to the Fisher information: where a slow log says nothing about a mass, the noise still shakes the
+simulated arm.
 
-Both are found by adding noise of the same size once more. What the second noise does on average to the descent
-direction is what the first one did, and is taken off (simulation and extrapolation, Cook and Stefanski 1994, in one
-linear step). Noise and its negative are used in pairs, so that the first order cancels exactly and a few pairs are
-enough.
+Both are found by adding noise of the same size once more. What the second noise does on average to gradient and
+information is what the first one did, and is taken off (simulation and extrapolation, Cook and Stefanski 1994;
+corrected scores, Nakamura 1990). Noise and its negative are used as a pair, so that the first order cancels exactly.
+Directions of the parameters whose information comes mostly from noise are left to the priors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,27 @@ from bha.identify.solver import Normal, Point, Problem
 
 Array = NDArray[np.float64]
 
-#: Pairs of redrawn noises for the shift, each as costly as two steps of the search.
+#: Pairs of redrawn noises, each as costly as two steps of the search.
 PAIRS = 1
+#: A direction counts as measured if more than this part of its information is not noise of the pressures.
+MEASURED_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """Information and step of the parameters with what pressure noise did taken off.
+
+    Attributes:
+        information: on z in the data, without priors, shape (p, p).
+        measured: projection on the directions that the data and not the noise tell; for gradients, shape (p, p).
+        step: from the estimate to the corrected one, shape (p,).
+        state_steps: those of the initial states that belong to it, shape (windows, 6n).
+    """
+
+    information: Array
+    measured: Array
+    step: Array
+    state_steps: Array
 
 
 def is_noisy(problem: Problem) -> bool:
@@ -72,12 +92,20 @@ def scores(problem: Problem, point: Point, sensitivities: Sequence[Array], seed:
     return total
 
 
-def shift(problem: Problem, point: Point, normal: Normal, *, seed: int = 0, pairs: int = PAIRS) -> tuple[Array, Array]:
-    """How far pressure noise has moved the estimate: of the coordinates, shape (p,), and of the states, (windows, 6n).
+def uncorrected(problem: Problem, normal: Normal) -> Corrected:
+    """Information as it stands, where pressures have no noise."""
+    h, _ = normal.reduced()
+    return Corrected(
+        h - np.diag(problem.prior[1] ** -2.0), np.eye(len(h)), np.zeros(len(h)), np.zeros_like(problem.guesses)
+    )
+
+
+def corrected(problem: Problem, point: Point, normal: Normal, *, seed: int = 0, pairs: int = PAIRS) -> Corrected:
+    """Take off what the noise of the pressures did to the information and to the estimate.
 
     Args:
         problem: the problem.
-        point: its minimum.
+        point: its minimum, or the corrected point of the step before.
         normal: normal equations there.
         seed: of the redrawn noises.
         pairs: of noises with opposite signs.
@@ -85,18 +113,32 @@ def shift(problem: Problem, point: Point, normal: Normal, *, seed: int = 0, pair
     Raises:
         ConvergenceError: a simulation with redrawn noise fails.
     """
-    if not is_noisy(problem):
-        return np.zeros_like(point.z), np.zeros_like(point.states)
-    gradient, gradient_state = -normal.g, -normal.g_state
+    mean, deviation = problem.prior
+    prior = np.diag(deviation**-2.0)
+    fields = ("h", "g", "h_state", "g_state", "h_mixed")
+    changed = {name: 2.0 * getattr(normal, name) for name in fields}
     for draw in range(pairs):
         for sign in (1.0, -1.0):
             disturbed = replace(problem, model=redrawn(problem.model, seed, draw, sign)).normal(point)
-            gradient = gradient + disturbed.g / (2 * pairs)
-            gradient_state = gradient_state + disturbed.g_state / (2 * pairs)
-    found = replace(normal, g=gradient, g_state=gradient_state)
-    matrix, reduced = found.reduced()
-    scale = np.sqrt(np.diag(matrix))
-    moved = np.linalg.lstsq(matrix / np.outer(scale, scale), reduced / scale, rcond=1e-13)[0] / scale
-    if not np.all(np.isfinite(moved)):
+            changed = {name: value - getattr(disturbed, name) / (2 * pairs) for name, value in changed.items()}
+    better = replace(normal, **changed)
+    matrix, gradient = better.reduced()
+    if not np.all(np.isfinite(matrix)):
         raise ConvergenceError("a simulation with redrawn pressure noise fails")
-    return moved, found.state_steps(moved)
+    pull = prior @ (mean - point.z)
+    root, inverse_root = _roots(normal.reduced()[0] - prior)
+    shares, directions = np.linalg.eigh(inverse_root @ (matrix - prior) @ inverse_root.T)
+    kept = shares > MEASURED_SHARE
+    basis = root @ directions
+    information = (basis * np.where(kept, shares, 0.0)) @ basis.T
+    measured = (basis * kept) @ directions.T @ inverse_root
+    step = np.linalg.solve(information + prior, measured @ (gradient - pull) + pull)
+    return Corrected(information, measured, step, better.state_steps(step))
+
+
+def _roots(information: Array) -> tuple[Array, Array]:
+    """A matrix L with L L^T the (semidefinite) information, and its inverse; no direction is quite without."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    values = np.maximum(values, 1e-12 * values[-1])
+    return scale[:, None] * vectors * np.sqrt(values), (vectors / np.sqrt(values)).T / scale

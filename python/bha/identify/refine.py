@@ -22,7 +22,7 @@ from bha.identify.engine import Model
 from bha.identify.free import Coordinate, FreeParameter, resolve
 from bha.identify.initial import guess_state
 from bha.identify.integration import choose_integration, too_coarse
-from bha.identify.pressure_noise import shift
+from bha.identify.pressure_noise import Corrected, corrected, is_noisy, uncorrected
 from bha.identify.records import Record, Window, some_of, windows
 from bha.identify.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
 from bha.identify.uncertainty import Uncertainty, uncertainty
@@ -39,8 +39,8 @@ _COARSE_INTERVAL = 0.01
 #: Scales that change by less than this part are settled.
 _SETTLED = 0.05
 _SHORT_BUDGET = 20.0
-#: Noise of the pressures that adds less than this part to every variance is not corrected for.
-_PRESSURE_SHARE = 0.01
+#: Most steps by which the shift of pressure noise is taken off.
+_CORRECTIONS = 4
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Refinement:
         problem: model, windows, scales and priors of the last stage.
         outcome: where the search ended.
         uncertainty: covariance of the coordinates there; None where it could not be computed.
-        pressure_shift: what the noise of the pressures had moved the coordinates by, already taken off, shape (p,).
+        pressure_shift: how far the coordinates were moved to take off what noise of the pressures does, shape (p,).
         seconds: how long it took.
     """
 
@@ -203,31 +203,36 @@ def refine(
     tell("standard errors", len(stages) / (len(stages) + 1))
     known, moved = None, np.zeros_like(z)
     try:
-        normal = problem.normal(outcome.point, keep=True)
-        known = uncertainty(problem, outcome.point, normal, seed=settings.seed, draws=settings.draws)
-        if _disturbed_by_pressures(known):
-            tell("shift by pressure noise", (len(stages) + 0.5) / (len(stages) + 1))
-            outcome, moved = _without_shift(problem, outcome, normal, settings.seed)
+        outcome, normal, better = _without_pressure_noise(problem, outcome, settings)
+        moved = outcome.point.z - z
+        known = uncertainty(problem, outcome.point, normal, better, seed=settings.seed, draws=settings.draws)
     except (ConvergenceError, np.linalg.LinAlgError) as error:
         tell(f"standard errors: {error}", len(stages) / (len(stages) + 1))
     tell("done", 1.0)
     return Refinement(problem, outcome, known, moved, clock.perf_counter() - began)
 
 
-def _disturbed_by_pressures(known: Uncertainty) -> bool:
-    """Whether the noise of the pressures is worth a correction: its part of some variance."""
-    return bool(np.any(np.diag(known.from_pressures) > _PRESSURE_SHARE * np.diag(known.from_sensors)))
-
-
-def _without_shift(problem: Problem, outcome: Outcome, normal: Normal, seed: int) -> tuple[Outcome, Array]:
-    """The outcome with what pressure noise has moved it by taken off, and that (never out of the bounds)."""
-    point = outcome.point
-    moved, states = shift(problem, point, normal, seed=seed)
-    bounds = np.array([c.bounds for c in problem.model.coordinates])
-    better = problem.evaluated(np.clip(point.z - moved, *bounds.T), point.states - states)
-    if not np.isfinite(better.cost):
-        return outcome, np.zeros_like(moved)
-    return replace(outcome, point=better), point.z - better.z
+def _without_pressure_noise(
+    problem: Problem, outcome: Outcome, settings: Settings
+) -> tuple[Outcome, Normal, Corrected]:
+    """The outcome with what pressure noise has moved it by taken off, normal equations and information there."""
+    normal = problem.normal(outcome.point, keep=True)
+    if not settings.draws or not is_noisy(problem):
+        return outcome, normal, uncorrected(problem, normal)
+    bounds = np.array([c.bounds for c in problem.model.coordinates]).T
+    better = corrected(problem, outcome.point, normal, seed=settings.seed)
+    for _ in range(_CORRECTIONS):
+        point = outcome.point
+        moved = problem.evaluated(np.clip(point.z + better.step, *bounds), point.states + better.state_steps)
+        if not np.isfinite(moved.cost):
+            break
+        outcome = replace(outcome, point=moved)
+        # Steps within the error are not repeated: the information is that of next to the same point.
+        if better.step @ normal.reduced()[0] @ better.step < len(better.step):
+            break
+        normal = problem.normal(moved, keep=True)
+        better = corrected(problem, moved, normal, seed=settings.seed)
+    return outcome, normal, better
 
 
 def _integrated(

@@ -255,21 +255,28 @@ def _with_provenance(
             old = entry.get(key)
             fresh = key not in marked.setdefault(id(table), set())
             marked[id(table)].add(key)
-            note = "" if estimate.identified else f"not told by these logs: {spoken(member)}"
+            told = _narrows(coordinate, estimate)
+            note = "" if estimate.identified else f"not told by these logs alone: {spoken(member)}"
             if place is None:
-                entry[key] = _entry(
-                    estimate.identified, [low, high], abs(estimate.standard_error * factor), references, note
-                )
+                entry[key] = _entry(told, [low, high], abs(estimate.standard_error * factor), references, note)
                 continue
             values = table[key]
             if fresh or not isinstance(old, dict):
-                old = _entry(estimate.identified, [[v, v] for v in values], [0.0] * len(values), references, note)
+                old = _entry(told, [[v, v] for v in values], [0.0] * len(values), references, note)
             elif note:
                 old = {**old, "source": "; ".join(filter(None, [old.get("source", ""), note]))}
+            if told:
+                old["status"] = "identified"
             old["ci95"][place] = [low, high]
             old["standard_error"][place] = abs(estimate.standard_error * factor)
             entry[key] = old
     return parameters.updated(mapping)
+
+
+def _narrows(coordinate: Coordinate, estimate: Estimate) -> bool:
+    """Whether the interval is less than half as wide as the prior's: else the value is the prior's, and assumed."""
+    slope = abs(estimate.value) if coordinate.logarithmic else coordinate.scale
+    return estimate.standard_error < 0.5 * coordinate.prior[1] * slope
 
 
 def _entry(identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str) -> dict[str, Any]:

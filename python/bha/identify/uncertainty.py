@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.identify import pressure_noise
+from bha.identify.pressure_noise import Corrected
 from bha.identify.solver import Normal, Point, Problem
 
 Array = NDArray[np.float64]
@@ -65,25 +66,37 @@ def projections(normal: Normal) -> list[Projection]:
     return found
 
 
-def uncertainty(problem: Problem, point: Point, normal: Normal, *, seed: int = 0, draws: int = DRAWS) -> Uncertainty:
-    """Covariance of the coordinates at the minimum ``point`` with its normal equations, blocks kept."""
+def uncertainty(
+    problem: Problem, point: Point, normal: Normal, better: Corrected, *, seed: int = 0, draws: int = DRAWS
+) -> Uncertainty:
+    """Covariance of the coordinates at the minimum ``point``.
+
+    Args:
+        problem: the problem.
+        point: the minimum.
+        normal: normal equations there, blocks kept.
+        better: information without what pressure noise adds to it.
+        seed: of redrawn pressure noises.
+        draws: how many of them.
+    """
     h, _ = normal.reduced()
     parts = projections(normal)
-    inverse = _inverse(h)
+    prior = np.diag(problem.prior[1] ** -2.0)
+    inverse = _inverse(better.information + prior)
+    spread = inverse @ better.measured
+    sensors = spread @ (h - prior) @ spread.T + inverse @ prior @ inverse
     sensitivities = [part.sensitivity * part.mask[..., None] for part in parts]
-    pressures = inverse @ pressure_noise.scores(problem, point, sensitivities, seed, draws) @ inverse
+    pressures = spread @ pressure_noise.scores(problem, point, sensitivities, seed, draws) @ spread.T
     rows, seconds = _correlation_rows(problem, parts)
     scores = np.zeros_like(h)
     for part, lag in zip(parts, rows, strict=True):
         scores += _bartlett(np.einsum("tcp,tc->tp", part.sensitivity, part.residual), lag)
-    sandwich = inverse @ scores @ inverse
-    covariance = larger(inverse + pressures, sandwich)
-    _, deviation = problem.prior
+    covariance = larger(sensors + pressures, spread @ scores @ spread.T)
     return Uncertainty(
         covariance=covariance,
-        from_sensors=inverse,
+        from_sensors=sensors,
         from_pressures=pressures,
-        information=h - np.diag(deviation**-2.0),
+        information=better.information,
         inflation=float(np.median(np.diag(covariance) / np.diag(inverse))),
         correlation_time=seconds,
     )

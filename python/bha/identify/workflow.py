@@ -39,7 +39,7 @@ def identify(
         converge is returned too, with ``converged`` false.
 
     Raises:
-        InputError: no log, or arguments that do not fit together.
+        InputError: no log, a log twice, or arguments that do not fit together.
         LogError: a log lacks a pressure of the arm.
         ParameterError: a path the arm does not have.
         ConvergenceError: the simulation fails with the starting values.
@@ -48,5 +48,18 @@ def identify(
         raise InputError("there is no log to identify from; give at least one")
     used = [item if isinstance(item, Record) else record(arm, item) for item in logs]
     held = [item if isinstance(item, Record) else record(arm, item) for item in holdout]
+    _check_once(used, held)
     fit = refine(arm, used, default_free(arm.parameters) if free is None else free, settings, progress=progress)
     return identification(arm, fit, held)
+
+
+def _check_once(used: Sequence[Record], held: Sequence[Record]) -> None:
+    """A log that counts twice makes intervals too narrow; one that is fitted is no test."""
+    seen: dict[str, str] = {}
+    for rec, place in [*((r, "fitted") for r in used), *((r, "held out") for r in held)]:
+        if rec.sha256 is None:
+            continue
+        if rec.sha256 in seen:
+            text = f"{rec.name}: the same log is {seen[rec.sha256]} already"
+            raise InputError(f"{text}, and {place} again; name every log once")
+        seen[rec.sha256] = place
