@@ -108,8 +108,7 @@ impl Fleet {
         }
         let none = Input::new(vec![0.0], (start.p.to_vec(), inputs), (Vec::new(), 0), Interpolation::Hold)?;
         let none = Arc::new(none);
-        let build = || dispatch(set, Build { arm, none: &none, start, stepping, step });
-        let blocks = (0..count.div_ceil(lanes)).map(|_| build()).collect();
+        let blocks = dispatch(set, Build { count: count.div_ceil(lanes), arm, none: &none, start, stepping, step });
         Ok(Self { blocks, lanes, count, width: 2 * coordinates + inputs + 3, inputs, coordinates, pool })
     }
 
@@ -168,7 +167,9 @@ impl Fleet {
     }
 }
 
+/// Blocks that share one arm, which then stays in the processor's caches.
 struct Build<'a> {
+    count: usize,
     arm: &'a Arc<Arm>,
     none: &'a Arc<Input>,
     start: Start<'a>,
@@ -177,7 +178,7 @@ struct Build<'a> {
 }
 
 impl AnyLanes for Build<'_> {
-    type Output = Box<dyn Abreast>;
+    type Output = Vec<Box<dyn Abreast>>;
     fn with<T: Real>(self) -> Self::Output {
         let arm = Arc::new(self.arm.lift::<T>());
         let constant = |x: &[f64]| x.iter().map(|&x| T::from_f64(x)).collect::<Vec<T>>();
@@ -189,7 +190,7 @@ impl AnyLanes for Build<'_> {
         let mut plant = plant.with_pneumatics(0.0, &q);
         plant.begin(0.0, &x);
         let options = plant.suited(Options { method: Method::Rk4, step: self.step, ..Options::default() });
-        Box::new(Block {
+        let block = Block {
             integrator: Integrator::new(options, 0.0, &x),
             guard: Guard { plant, parked: x.clone(), failed: false },
             links: vec![Link::base(); arm.sections.len()],
@@ -199,7 +200,8 @@ impl AnyLanes for Build<'_> {
             euler: (self.stepping == Stepping::SymplecticEuler).then_some(options.step),
             derivative: x,
             arm,
-        })
+        };
+        (0..self.count).map(|_| -> Box<dyn Abreast> { Box::new(block.clone()) }).collect()
     }
 }
 

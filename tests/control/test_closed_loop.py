@@ -287,14 +287,22 @@ def test_shared_inputs_and_four_bellows() -> None:
     assert run.tip_error[-1] < 1e-3
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_random_references_end_at_rest(seed: int) -> None:
-    """The long version, 200 references and every controller, is benches/control_stability.py."""
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", BOUNDS)
+def test_random_references_neither_diverge_nor_swing_on(name: str, seed: int) -> None:
+    """The long version, 200 references on 200 plants, is benches/control_stability.py."""
     reference = random_reference(seed)
-    plant, model = other_plant(), ARM.with_changes(pneumatics="full")
-    run = simulate_closed_loop(plant, FeedbackLinearization(model), reference, sensors=NOISE)
-    assert np.abs(run.trajectory.velocities[-200:]).max() < 0.03
-    assert run.tip_error[-1] < 0.02
+    run = simulate_closed_loop(
+        other_plant(), law(name, ARM.with_changes(pneumatics="full")), reference, sensors=NOISE, decimation=5
+    )
+    before, end = (
+        float(np.sqrt(np.mean(run.trajectory.velocities[rows] ** 2))) for rows in (slice(-500, -400), slice(-100, None))
+    )
+    # Laws without the inertia leave the swing to the arm's own damping, time constant 2 s.
+    assert end < max(0.01, 0.6 * before)
+    if name == "linearization":
+        assert end < 0.01
+        assert run.tip_error[-1] < 0.005
 
 
 def random_reference(seed: int) -> Reference:
@@ -302,7 +310,7 @@ def random_reference(seed: int) -> Reference:
     found = Limits.of(ARM)
     middle, half = (found.shortest + found.longest) / 2, (found.longest - found.shortest) / 2
     a, b = middle - 0.01 + 0.4 * half * rng.uniform(-1, 1, (2, 9))
-    return point_to_point(a, b, rest=1.0)
+    return point_to_point(a, b, rest=3.0)
 
 
 def test_nothing_is_kept_by_a_run() -> None:

@@ -9,7 +9,7 @@ from click.testing import CliRunner, Result
 
 import bha
 from bha.cli import main
-from bha.control import Reference, tip_samples
+from bha.control import Pid, Reference, hold, simulate_closed_loop, tip_samples
 from bha.errors import InputError
 
 ARM = bha.robots.load("bha_nominal")
@@ -55,6 +55,21 @@ def test_a_plant_that_diverges_is_reported(tmp_path: Path) -> None:
     assert "the simulation stopped at t = " in found["runs"]["pid"]["diverged"]
     assert found["written"] == []
     assert "pid: the plant diverged: the simulation stopped at t = " in control("bha_nominal", *options).output
+
+
+def test_figure_groups_labels_up_to_the_first_comma() -> None:
+    plot = pytest.importorskip("bha.plot")
+    pytest.importorskip("matplotlib")
+    target = hold(np.full(9, 0.19), 0.1)
+    run = simulate_closed_loop(ARM, Pid(ARM), target)
+    figure = plot.plot_tracking({"pid": run, "full": run, "full, with creep": run}, title="t")
+    above, below = figure.axes
+    styles = [(line.get_color(), line.get_linestyle()) for line in above.get_lines()]
+    assert styles[0][0] != styles[1][0] == styles[2][0]
+    assert [style for _, style in styles] == ["-", "-", "--"]
+    assert [text.get_text() for text in below.get_yticklabels()] == ["pid", "full", "full, with creep"]
+    with pytest.raises(InputError, match="nothing to plot"):
+        plot.plot_tracking({})
 
 
 def test_references_from_logs(tmp_path: Path) -> None:

@@ -51,8 +51,8 @@ def run(lab: Laboratory) -> Outcome:
         "equations of motion for the dynamic models (Runge-Kutta, 1 ms), one solution for the static ones, started "
         "from the solution of the millisecond before. The reference evaluates the paper's formulas as they stand, "
         "in NumPy; the core computes accelerations by recursion and never forms the Coriolis matrix, so there is "
-        "little to be saved by leaving it out. Timed on the machine that wrote this document: numbers vary from run "
-        "to run.",
+        "little to be saved by leaving it out. Processor time on the machine that wrote this document: numbers vary "
+        "from run to run.",
         [
             Claim(
                 "the computation time of the reduced model decreases by about 80 %",
@@ -133,7 +133,7 @@ def _states(lab: Laboratory, count: int) -> tuple[list[tuple[Array, Array, Array
 
 
 def shortest(calls: Mapping[str, Sequence[Callable[[], object]]], rounds: int) -> dict[str, float]:
-    """Seconds a call, the mean over each label's calls of the shortest of ``rounds`` times.
+    """Seconds of the processor a call, the mean over each label's calls of the shortest of ``rounds`` times.
 
     The labels take turns, and other work on the machine can only lengthen a time: the ratios suffer least from it.
     """
@@ -141,8 +141,8 @@ def shortest(calls: Mapping[str, Sequence[Callable[[], object]]], rounds: int) -
     for each in range(rounds + 1):
         for label, of_label in calls.items():
             for k, call in enumerate(of_label):
-                before = time.perf_counter()
+                before = time.process_time()
                 call()
                 if each:  # the first round fills caches
-                    best[label][k] = min(best[label][k], time.perf_counter() - before)
+                    best[label][k] = min(best[label][k], time.process_time() - before)
     return {label: float(times.mean()) for label, times in best.items()}

@@ -106,8 +106,8 @@ def fig13(lab: Laboratory) -> Outcome:
             ),
             Claim(
                 "the coupled static model has large errors during motions",
-                f"up to {1e3 * peak['static coupled']:.0f} mm, {peak['static coupled'] / travel:.0%} of the travel; "
-                "it does not see the swing at all",
+                f"up to {1e3 * peak['static coupled']:.0f} mm, {100 * peak['static coupled'] / travel:.0f} % of the "
+                "travel; it does not see the swing at all",
                 peak["static coupled"] > 0.2 * travel,
             ),
             Claim(

@@ -40,6 +40,14 @@ def plot_tracking(runs: Mapping[str, ClosedLoopRun], *, title: str | None = None
     styles = _line_styles(list(runs))
     with figure_of_size(7.2, 3.2 + 0.19 * len(runs)) as figure:
         above, below = figure.subplots(2, 1, height_ratios=[2.4, 0.6 + 0.19 * len(runs)])
+        # Limits of our own: where all distances are the same, the logarithm has no range to find them from.
+        means = [max(run.rms_tip_error() * MILLIMETRES_PER_METRE, _LEAST) for run in runs.values()]
+        most = max(10 * _LEAST, *(float(run.tip_error.max()) * MILLIMETRES_PER_METRE for run in runs.values()))
+        above.set_ylim(0.9 * _LEAST, 1.3 * most)
+        # Room for the notes on the right.
+        below.set_xlim(0.8 * min(means), most * (most / min(means)) ** 0.35 * 1.5)
+        above.set_yscale("log")
+        below.set_xscale("log")
         for row, (label, run) in enumerate(runs.items()):
             error = run.tip_error * MILLIMETRES_PER_METRE
             options = styles[label]
@@ -52,18 +60,15 @@ def plot_tracking(runs: Mapping[str, ClosedLoopRun], *, title: str | None = None
             below.plot(greatest, row, "|", color=options["color"], markersize=7, markeredgewidth=1.4)
             limits = ", ".join(f"{name} {share:.1%}" for name, share in run.saturation().items())
             note = f"{rms:.2f} mm" + (f"; at a limit: {limits}" if limits else "")
-            below.annotate(note, (max(greatest, rms), row), xytext=(7, 0), textcoords="offset points", va="center")
-        above.set_yscale("log")
+            below.annotate(note, (greatest, row), xytext=(7, 0), textcoords="offset points", va="center")
+        above.yaxis.set_major_formatter("{x:g}")
         above.set_ylabel("Distance of the tip\nfrom the reference [mm]")
         above.set_xlabel("Time [s]")
         above.set_xlim(0.0, max(float(run.trajectory.time[-1]) for run in runs.values()))
-        below.set_xscale("log")
+        below.xaxis.set_major_formatter("{x:g}")
         below.set_xlabel("Root mean square (dot) and greatest distance (bar) [mm]")
         below.set_yticks(range(len(runs)), list(runs))
         below.set_ylim(len(runs) - 0.5, -0.5)
-        # Room for the notes.
-        low, high = below.get_xlim()
-        below.set_xlim(low, high * (high / low) ** 0.35)
         below.grid(axis="y", visible=False)
         if title is not None:
             figure.suptitle(title, x=0.01, ha="left")
