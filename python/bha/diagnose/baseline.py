@@ -269,7 +269,7 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
     problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
     known = cache.get("rough")
     if known is None:
-        fit = improve(problem, evaluate(problem, model, x, states), iterations=8, tolerance=0.02, renewals=1)
+        fit = improve(problem, evaluate(problem, model, x, states), iterations=20, tolerance=0.02, renewals=5)
         cache.put("rough", x=fit.x, states=np.array(fit.states))
     else:
         fit = evaluate(problem, model, known["x"], list(known["states"]))
@@ -278,7 +278,7 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
     known = cache.get("plain")
     if known is None:
-        fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=8, tolerance=2e-3, renewals=2)
+        fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=30, tolerance=2e-3, renewals=8)
         cache.put("plain", x=fit.x, states=np.array(fit.states))
     else:
         fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)

@@ -180,7 +180,7 @@ def trace_figure(outcome: Outcome) -> Any:
 
 
 def error_figure(outcome: Outcome) -> Any:
-    """RMS error over the first held-out log, in blocks of a quarter of a second."""
+    """RMS error over the first held-out log, low-passed as it was compared, in blocks of a quarter of a second."""
     go = _plotly()
     record = outcome.holdout.problem.records[0]
     width = max(1, round(0.25 / record.sample_time))
@@ -200,9 +200,13 @@ def error_figure(outcome: Outcome) -> Any:
             for name, y, colour in lines
         ]
     )
-    figure.add_hline(y=1e3 * outcome.diagnosis.gap.noise, line_color=NOISE, line_dash="dot", annotation_text="noise")
+    # A trace, since a labelled line loses its label on a logarithmic axis.
+    level, ends = 1e3 * outcome.diagnosis.gap.noise, [float(time[0]), float(time[-1])]
+    figure.add_trace(
+        go.Scatter(x=ends, y=[level, level], name="noise floor (all rows)", line={"color": NOISE, "dash": "dot"})
+    )
     figure.update_xaxes(title=f"time, s ({escape(record.name)})")
-    figure.update_yaxes(title="error, RMS, mm", type="log")
+    figure.update_yaxes(title="error, RMS, mm", type="log", dtick="D2")
     return _layout(figure, 300)
 
 

@@ -238,6 +238,7 @@ def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[
     units = state_units(len(fit.states[0]) // 2)
     for part, jacobian in zip(problem.slices(), fit.state_jacobians, strict=True):
         normal = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / STATE_SPREAD**2
+        normal += damping * np.diag(np.diag(normal))
         left = fit.residual[part] - fit.jacobian[part] @ step
         states.append(np.linalg.solve(normal, jacobian.T @ left) * units)
     return step, states

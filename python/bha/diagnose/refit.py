@@ -106,7 +106,7 @@ def refit(
     *,
     kept: int,
     iterations: int = 8,
-    renewals: int = 0,
+    renewals: int = 1,
 ) -> Trial | None:
     """Refit with the effects ``candidates``, the first ``kept`` of which are already in ``start``; None if it diverges.
 
@@ -172,7 +172,7 @@ def without(problem: Problem, holdout: Holdout, trial: Trial, index: int, *, ite
     fit = replace(fit, jacobian=smaller.jacobian, state_jacobians=smaller.state_jacobians)
     renew = list(range(len(fit.model.plain), fit.model.size))
     try:
-        fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=0, tolerance=2e-3, limit=2.0)
+        fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=2, tolerance=2e-3, limit=2.0)
     except ConvergenceError:
         return None
     rest = tuple(c for k, c in enumerate(trial.candidates) if k != index)

@@ -207,7 +207,7 @@ def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
     fit = with_sensitivities(problem, known or trial.fit)
     if known is None:
         renew = list(range(len(fit.model.plain), fit.model.size))
-        fit = improve(problem, fit, iterations=6, renew=renew, renewals=1, tolerance=1e-3)
+        fit = improve(problem, fit, iterations=20, renew=renew, renewals=6, tolerance=1e-3)
         store(problem, fit, name)
     return Trial(trial.candidates, fit, holdout.predict(fit.model, fit.x))
 
