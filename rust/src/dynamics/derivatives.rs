@@ -1,8 +1,7 @@
 //! Exact derivatives of forward dynamics by state, pressures and any numbers of the arm.
 //!
 //! Source: forward-mode automatic differentiation of (48) as `recursion` solves it; nothing is differentiated by hand.
-//! One pass takes a block of directions, one in each lane of the widest instruction set, so that the arm's values are
-//! computed once for all of them.
+//! One pass takes a block of directions, so that the arm's values are computed once for all of them.
 //! Limits: those of the model; at kinks of one-sided laws the derivative of the side that is taken.
 
 use super::Workspace;
@@ -11,7 +10,6 @@ use crate::abreast::with_tangents;
 use crate::arm::Arm;
 use crate::effects;
 use crate::linear::Vec3;
-use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
 use crate::real::{Dual, Real};
 use std::fmt::Debug;
 
@@ -35,55 +33,35 @@ pub trait Differentiator: Send + Debug {
     fn run(&mut self, at: Point<'_>, qdd: &mut [f64], out: &mut [f64]);
 }
 
-/// Directions of a value kept beside it: two blocks of lanes share the arm's values.
-const BLOCKS: usize = 2;
+/// Directions a pass: two registers of the narrowest instruction set. Passes over dual numbers of wider lanes gain no time
+/// on nine lengths and triple the time to compile.
+const WIDTH: usize = 4;
 
-/// Of `arm` by state and pressures and along `tangents` (derivatives of its numbers, see [`crate::abreast::tangent`]), with
-/// the lanes of `set`.
-pub fn differentiator(arm: &Arm, tangents: &[Vec<f64>], set: InstructionSet) -> Box<dyn Differentiator> {
-    dispatch(set, Build { arm, tangents })
-}
-
-struct Build<'a> {
-    arm: &'a Arm,
-    tangents: &'a [Vec<f64>],
-}
-
-impl AnyLanes for Build<'_> {
-    type Output = Box<dyn Differentiator>;
-    fn with<T: Real>(self) -> Self::Output {
-        // Without lanes the block of directions is in the dual number itself.
-        if T::LANES == 1 {
-            Box::new(Lifted::<{ 2 * BLOCKS }, T>::new(self.arm, self.tangents))
-        } else {
-            Box::new(Lifted::<BLOCKS, T>::new(self.arm, self.tangents))
-        }
-    }
+/// Of `arm` by state and pressures and along `tangents` (derivatives of its numbers, see [`crate::abreast::tangent`]).
+pub fn differentiator(arm: &Arm, tangents: &[Vec<f64>]) -> Box<dyn Differentiator> {
+    Box::new(Lifted::<WIDTH>::new(arm, tangents))
 }
 
 /// The arm over dual numbers, with its work space.
 #[derive(Debug)]
-struct Lifted<const N: usize, T> {
+struct Lifted<const N: usize> {
     /// Without derivatives, and one for each block of tangents.
-    plain: Arm<Dual<N, T>>,
-    tangents: Vec<Arm<Dual<N, T>>>,
+    plain: Arm<Dual<N>>,
+    tangents: Vec<Arm<Dual<N>>>,
     tangent_count: usize,
-    ws: Workspace<Dual<N, T>>,
+    ws: Workspace<Dual<N>>,
     /// q, q', p, one after the other.
-    x: Vec<Dual<N, T>>,
-    forces: Vec<Vec3<Dual<N, T>>>,
+    x: Vec<Dual<N>>,
+    forces: Vec<Vec3<Dual<N>>>,
     /// The pressures that act.
-    acting: Vec<Dual<N, T>>,
-    qdd: Vec<Dual<N, T>>,
+    acting: Vec<Dual<N>>,
+    qdd: Vec<Dual<N>>,
 }
 
-impl<const N: usize, T: Real> Lifted<N, T> {
-    /// Directions a pass.
-    const WIDTH: usize = N * T::LANES;
-
+impl<const N: usize> Lifted<N> {
     fn new(arm: &Arm, tangents: &[Vec<f64>]) -> Self {
         let plain = arm.lift();
-        let blocks = tangents.chunks(Self::WIDTH);
+        let blocks = tangents.chunks(N);
         let tangent_arms =
             blocks.map(|b| with_tangents(arm, &b.iter().map(Vec::as_slice).collect::<Vec<_>>())).collect();
         let n = arm.coordinates();
@@ -121,7 +99,7 @@ impl<const N: usize, T: Real> Lifted<N, T> {
     }
 }
 
-impl<const N: usize, T: Real> Differentiator for Lifted<N, T> {
+impl<const N: usize> Differentiator for Lifted<N> {
     fn run(&mut self, at: Point<'_>, qdd: &mut [f64], out: &mut [f64]) {
         let n = qdd.len();
         for (to, from) in self.x.iter_mut().zip(at.q.iter().chain(at.qd).chain(at.p)) {
@@ -134,25 +112,25 @@ impl<const N: usize, T: Real> Differentiator for Lifted<N, T> {
         }
         let forces = at.f_ext.is_some();
         let states = self.x.len();
-        for first in (0..states).step_by(Self::WIDTH) {
-            let count = Self::WIDTH.min(states - first);
+        for first in (0..states).step_by(N) {
+            let count = N.min(states - first);
             for d in 0..count {
                 let x = &mut self.x[first + d];
-                *x = Dual::seeded(x.value.lane(0), |k| f64::from(k == d));
+                *x = Dual::seeded(x.value, |k| f64::from(k == d));
             }
             self.pass(None, forces);
             self.store(count, &mut out[first * n..]);
             for x in &mut self.x[first..first + count] {
-                *x = Dual::from_f64(x.value.lane(0));
+                *x = Dual::from_f64(x.value);
             }
         }
         for (to, from) in qdd.iter_mut().zip(&self.qdd) {
-            *to = from.value.lane(0);
+            *to = from.value;
         }
         for block in 0..self.tangents.len() {
-            let first = block * Self::WIDTH;
+            let first = block * N;
             self.pass(Some(block), forces);
-            self.store(Self::WIDTH.min(self.tangent_count - first), &mut out[(states + first) * n..]);
+            self.store(N.min(self.tangent_count - first), &mut out[(states + first) * n..]);
         }
     }
 }
@@ -174,7 +152,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
-        /// Differences of order 8, by state, pressures and mass, for every instruction set.
+        /// Differences of order 8, by state, pressures and mass.
         #[test]
         fn agree_with_differences(arm in arms(), seed in states()) {
             let n = arm.coordinates();
@@ -199,9 +177,9 @@ mod tests {
                 }
                 sum
             };
-            for set in InstructionSet::ALL.into_iter().filter(|s| s.is_available()) {
+            {
                 let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (x.len() + 1)]);
-                differentiator(&arm, &tangents, set).run(Point { q: &q, qd: &qd, p: &p, f_ext: None }, &mut qdd, &mut out);
+                differentiator(&arm, &tangents).run(Point { q: &q, qd: &qd, p: &p, f_ext: None }, &mut qdd, &mut out);
                 let plain = forward(&arm, &x);
                 let size = plain.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
                 prop_assert!(plain.iter().zip(&qdd).all(|(a, b)| (a - b).abs() < 1e-11 * size));
@@ -219,7 +197,7 @@ mod tests {
                     let expected = difference(&moved, h);
                     let size = row.iter().fold(size * 1e-3 / h, |m, v| m.max(v.abs()));
                     for (found, expected) in row.iter().zip(&expected) {
-                        prop_assert!((found - expected).abs() < 1e-8 * size, "{set:?} {d}: {found} {expected}");
+                        prop_assert!((found - expected).abs() < 1e-8 * size, "{d}: {found} {expected}");
                     }
                 }
             }

@@ -8,7 +8,6 @@ use crate::abreast::tangent;
 use crate::dynamics::derivatives::{self, Point};
 use crate::input::Input;
 use crate::linear::Vec3;
-use crate::real::lanes::InstructionSet;
 use crate::sensitivity::{Direction, Trajectory};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -47,7 +46,7 @@ impl Differentiator {
     fn new(arm: &Bound<'_, PyArm>, differences: Vec<Difference<'_>>) -> PyResult<Self> {
         let tangents = tangents(arm.py(), &differences)?;
         let arm = &arm.get().arm;
-        let inner = Mutex::new(derivatives::differentiator(arm, &tangents, InstructionSet::best()));
+        let inner = Mutex::new(derivatives::differentiator(arm, &tangents));
         Ok(Self { inner, sections: arm.sections.len(), inputs: arm.inputs, tangents: tangents.len() })
     }
 
