@@ -38,6 +38,7 @@ class Case:
     arm: bha.Arm
     duration: float
     rate: float
+    pressure_noise: float = PRESSURE_NOISE
 
 
 def arm_of(sections: int) -> bha.Arm:
@@ -51,16 +52,16 @@ def synthetic_log(case: Case, seed: int) -> Log:
     """A log of the simulated arm: proposed excitation, draw-wire noise and quantisation, pressure noise."""
     proposal = excite(case.arm, duration=case.duration, rate=case.rate, seed=seed, free=["section.1.mass"])
     drive = bha.Input(proposal.time, proposal.pressures)
-    return noisy_log(case.arm, drive, seed)
+    return noisy_log(case.arm, drive, seed, case.pressure_noise)
 
 
-def noisy_log(arm: bha.Arm, drive: bha.Input, seed: int) -> Log:
+def noisy_log(arm: bha.Arm, drive: bha.Input, seed: int, pressure_noise: float = PRESSURE_NOISE) -> Log:
     """What is measured of the simulated arm."""
     run = bha.simulate(arm, drive, method="rk4", step=1e-3)
     random = np.random.default_rng([7, seed])
     columns: dict[str, Array] = {"t [s]": drive.time}
     for name, p in zip(arm.inputs, drive.pressures.T, strict=True):
-        columns[f"{name} [Pa]"] = p + PRESSURE_NOISE * random.standard_normal(len(p))
+        columns[f"{name} [Pa]"] = p + pressure_noise * random.standard_normal(len(p))
     for k, lengths in enumerate(run.lengths.T):
         noisy = lengths + NOISE * random.standard_normal(len(lengths))
         columns[f"{length_name(k // 3 + 1, k % 3 + 1)} [m]"] = QUANTUM * np.round(noisy / QUANTUM)
@@ -144,6 +145,8 @@ def main() -> None:
     parser.add_argument("--sections", type=int, default=1)
     parser.add_argument("--duration", type=float, default=12.0)
     parser.add_argument("--rate", type=float, default=100.0)
+    parser.add_argument("--pressure-noise", type=float, default=PRESSURE_NOISE, help="Pa")
+    parser.add_argument("--uncorrected", action="store_true", help="leave in what pressure noise does to the estimates")
     parser.add_argument("--speed", action="store_true", help="time the large identification instead")
     parser.add_argument("--slow-log", action="store_true", help="one slow log, which tells little")
     arguments = parser.parse_args()
@@ -153,8 +156,9 @@ def main() -> None:
     if arguments.speed:
         speed()
         return
-    case = Case(arm_of(arguments.sections), arguments.duration, arguments.rate)
-    recover(case, arguments.repeats, Settings(windows=(0.75, 6.0), threads=1))
+    case = Case(arm_of(arguments.sections), arguments.duration, arguments.rate, arguments.pressure_noise)
+    settings = Settings(windows=(0.75, 6.0), threads=1, draws=0 if arguments.uncorrected else Settings().draws)
+    recover(case, arguments.repeats, settings)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,9 @@ import bha
 from bha.identify import Settings, identify, unknown_combinations
 from bha.identify.free import resolve
 from bha.identify.words import spoken
+from bha.parameters import paths
 
-from .identify_logs import measured, multisine, one_section
+from .identify_logs import measured, multisine, off, one_section
 
 NOMINAL = bha.robots.parameters("bha_nominal")
 
@@ -77,3 +78,22 @@ def test_words() -> None:
     assert spoken("section.*.stiffness.*") == "stiffness of all sections"
     assert spoken("gravity.x") == "gravity along x"
     assert spoken("effect.1.tau") == "tau of effect 1"
+
+
+def test_noise_of_the_pressures_is_not_taken_for_excitation() -> None:
+    """One slow log: the noise of measured pressures shakes the simulated arm, not the real one, and tells nothing."""
+    arm = one_section()
+    time = np.arange(0.0, 12.0, 0.05)
+    wave = np.sin(2.0 * np.pi * time[:, None] / 12.0 + np.array([0.0, 2.1, 4.2]))
+    log = measured(arm, bha.Input(time, 1.2e5 + 2e4 * wave), pressure_noise=150.0)
+    free = [f"section.1.{key}" for key in ("mass", "stiffness.1", "bending_stiffness.1", "damping")]
+    start = off(arm, dict(zip(free, (0.9, 1.1, 0.9, 1.15), strict=True)))
+    found = identify(start, [log], free, settings=Settings(windows=(4.0,), step=5e-3, draws=8))
+    told = {e.path: e.identified for e in found.estimates}
+    assert not told["section.1.damping"]
+    assert found.unknown
+    for e in found.estimates:
+        true = paths.get_value(arm.parameters, e.path)
+        assert abs(e.value - true) < 3.0 * e.standard_error
+    naive = identify(start, [log], free, settings=Settings(windows=(4.0,), step=5e-3, draws=0))
+    assert all(e.identified for e in naive.estimates), "else the log would prove nothing"

@@ -3,9 +3,9 @@
 The simulation is driven by measured pressures p + n. To first order the noise n adds G n to the prediction, which
 spreads the estimate; that part is covariance. To second order it does two things more. It shifts the estimate: a
 parameter that lowers the response G also lowers what the noise adds to the loss, so that noisy pressures make an arm
-look more damped than it is (an error in the variables, of size n^2: 1 % of the damping for 500 Pa on the nominal arm's
-section). And it adds to the Fisher information: where a slow log says nothing about a mass, the noise still shakes the
-simulated arm.
+look more damped than it is (an error in the variables, of size n^2: 12 % of the damping for 1500 Pa in
+``benches/identify_recovery.py``). And it adds to the Fisher information: where a slow log says nothing about a mass,
+the noise still shakes the simulated arm.
 
 Both are found by adding noise of the same size once more. What the second noise does on average to gradient and
 information is what the first one did, and is taken off (simulation and extrapolation, Cook and Stefanski 1994;
