@@ -33,10 +33,11 @@ static ALLOCATOR: Counting = Counting;
 fn arm() -> Arc<Arm> {
     #[derive(Deserialize)]
     struct Oracle {
-        arms: HashMap<String, ArmParameters>,
+        core_parameters: HashMap<String, ArmParameters>,
     }
-    let oracle: Oracle = serde_json::from_str(include_str!("data/oracle.json")).unwrap();
-    let mut parameters = oracle.arms.into_values().find(|a| a.section.len() == 3).unwrap();
+    let packed = include_bytes!("data/oracle_cases.json.gz").as_slice();
+    let oracle: Oracle = serde_json::from_reader(flate2::read::GzDecoder::new(packed)).unwrap();
+    let mut parameters = oracle.core_parameters.into_values().find(|a| a.section.len() == 3).unwrap();
     let pneumatics = serde_json::json!({
         "level": "full", "supply_pressure": 3.5e5, "exhaust_pressure": 101325.0, "vacuum_pressure": 0.5e5,
         "sonic_conductance": 2e-8, "critical_pressure_ratio": 0.35, "air_temperature": 293.15, "dead_volume": 1e-4,
