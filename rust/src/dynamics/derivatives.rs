@@ -10,7 +10,13 @@ use crate::abreast::with_tangents;
 use crate::arm::Arm;
 use crate::effects;
 use crate::linear::Vec3;
+#[cfg(all(feature = "lanes", target_arch = "x86_64"))]
+use crate::real::lanes::Avx2;
+#[cfg(all(feature = "lanes", target_arch = "aarch64"))]
+use crate::real::lanes::Neon;
 use crate::real::{Dual, Real};
+#[cfg(feature = "lanes")]
+use crate::real::{InstructionSet, Lanes};
 use std::fmt::Debug;
 
 /// One state to differentiate at.
@@ -33,35 +39,44 @@ pub trait Differentiator: Send + Debug {
     fn run(&mut self, at: Point<'_>, qdd: &mut [f64], out: &mut [f64]);
 }
 
-/// Directions a pass: two registers of the narrowest instruction set. Passes over dual numbers of wider lanes gain no time
-/// on nine lengths and triple the time to compile.
-const WIDTH: usize = 4;
-
 /// Of `arm` by state and pressures and along `tangents` (derivatives of its numbers, see [`crate::abreast::tangent`]).
+///
+/// Four directions a pass: in the lanes of one register, where the processor has registers for four, else in the dual number.
 pub fn differentiator(arm: &Arm, tangents: &[Vec<f64>]) -> Box<dyn Differentiator> {
-    Box::new(Lifted::<WIDTH>::new(arm, tangents))
+    #[cfg(all(feature = "lanes", target_arch = "x86_64"))]
+    if InstructionSet::Avx2.is_available() {
+        return Box::new(Lifted::<1, Lanes<Avx2>>::new(arm, tangents));
+    }
+    #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
+    if InstructionSet::Neon.is_available() {
+        return Box::new(Lifted::<1, Lanes<Neon>>::new(arm, tangents));
+    }
+    Box::new(Lifted::<4, f64>::new(arm, tangents))
 }
 
 /// The arm over dual numbers, with its work space.
 #[derive(Debug)]
-struct Lifted<const N: usize> {
+struct Lifted<const N: usize, T> {
     /// Without derivatives, and one for each block of tangents.
-    plain: Arm<Dual<N>>,
-    tangents: Vec<Arm<Dual<N>>>,
+    plain: Arm<Dual<N, T>>,
+    tangents: Vec<Arm<Dual<N, T>>>,
     tangent_count: usize,
-    ws: Workspace<Dual<N>>,
+    ws: Workspace<Dual<N, T>>,
     /// q, q', p, one after the other.
-    x: Vec<Dual<N>>,
-    forces: Vec<Vec3<Dual<N>>>,
+    x: Vec<Dual<N, T>>,
+    forces: Vec<Vec3<Dual<N, T>>>,
     /// The pressures that act.
-    acting: Vec<Dual<N>>,
-    qdd: Vec<Dual<N>>,
+    acting: Vec<Dual<N, T>>,
+    qdd: Vec<Dual<N, T>>,
 }
 
-impl<const N: usize> Lifted<N> {
+impl<const N: usize, T: Real> Lifted<N, T> {
+    /// Directions a pass.
+    const WIDTH: usize = N * T::LANES;
+
     fn new(arm: &Arm, tangents: &[Vec<f64>]) -> Self {
         let plain = arm.lift();
-        let blocks = tangents.chunks(N);
+        let blocks = tangents.chunks(Self::WIDTH);
         let tangent_arms =
             blocks.map(|b| with_tangents(arm, &b.iter().map(Vec::as_slice).collect::<Vec<_>>())).collect();
         let n = arm.coordinates();
@@ -99,7 +114,7 @@ impl<const N: usize> Lifted<N> {
     }
 }
 
-impl<const N: usize> Differentiator for Lifted<N> {
+impl<const N: usize, T: Real> Differentiator for Lifted<N, T> {
     fn run(&mut self, at: Point<'_>, qdd: &mut [f64], out: &mut [f64]) {
         let n = qdd.len();
         for (to, from) in self.x.iter_mut().zip(at.q.iter().chain(at.qd).chain(at.p)) {
@@ -112,25 +127,25 @@ impl<const N: usize> Differentiator for Lifted<N> {
         }
         let forces = at.f_ext.is_some();
         let states = self.x.len();
-        for first in (0..states).step_by(N) {
-            let count = N.min(states - first);
+        for first in (0..states).step_by(Self::WIDTH) {
+            let count = Self::WIDTH.min(states - first);
             for d in 0..count {
                 let x = &mut self.x[first + d];
-                *x = Dual::seeded(x.value, |k| f64::from(k == d));
+                *x = Dual::seeded(x.value.lane(0), |k| f64::from(k == d));
             }
             self.pass(None, forces);
             self.store(count, &mut out[first * n..]);
             for x in &mut self.x[first..first + count] {
-                *x = Dual::from_f64(x.value);
+                *x = Dual::from_f64(x.value.lane(0));
             }
         }
         for (to, from) in qdd.iter_mut().zip(&self.qdd) {
-            *to = from.value;
+            *to = from.value.lane(0);
         }
         for block in 0..self.tangents.len() {
-            let first = block * N;
+            let first = block * Self::WIDTH;
             self.pass(Some(block), forces);
-            self.store(N.min(self.tangent_count - first), &mut out[(states + first) * n..]);
+            self.store(Self::WIDTH.min(self.tangent_count - first), &mut out[(states + first) * n..]);
         }
     }
 }
@@ -177,7 +192,7 @@ mod tests {
                 }
                 sum
             };
-            {
+
                 let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (x.len() + 1)]);
                 differentiator(&arm, &tangents).run(Point { q: &q, qd: &qd, p: &p, f_ext: None }, &mut qdd, &mut out);
                 let plain = forward(&arm, &x);
@@ -200,7 +215,7 @@ mod tests {
                         prop_assert!((found - expected).abs() < 1e-8 * size, "{d}: {found} {expected}");
                     }
                 }
-            }
+
         }
     }
 }
