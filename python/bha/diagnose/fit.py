@@ -213,11 +213,14 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
     return tuple(result)
 
 
-def project_states(problem: Problem, state_jacobians: Sequence[Array], table: Array) -> Array:
-    """``table`` (rows, k) on the complement of what initial states can do, prior of the states included."""
+def project_states(problem: Problem, state_jacobians: Sequence[Array], table: Array, misfit: float = 1.0) -> Array:
+    """``table`` (rows, k) on the complement of what initial states can do, prior of the states included.
+
+    ``misfit`` is the mean square of a residual that is not noise: what states may do to fit it counts for less.
+    """
     result = table.copy()
     for part, jacobian in zip(problem.slices(), state_jacobians, strict=True):
-        normal = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / STATE_SPREAD**2
+        normal = jacobian.T @ jacobian + misfit * np.eye(jacobian.shape[1]) / STATE_SPREAD**2
         result[part] -= jacobian @ np.linalg.solve(normal, jacobian.T @ table[part])
     return result
 
@@ -227,7 +230,8 @@ def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
     weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
-    projected = project_states(problem, fit.state_jacobians, np.column_stack([fit.jacobian, fit.residual]))
+    misfit = max(1.0, fit.squares / problem.rows)
+    projected = project_states(problem, fit.state_jacobians, np.column_stack([fit.jacobian, fit.residual]), misfit)
     reduced, rest = projected[:, :-1], projected[:, -1]
     hessian = fit.jacobian.T @ reduced
     gradient = fit.jacobian.T @ rest - weights * fit.x
@@ -237,7 +241,7 @@ def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[
     states = []
     units = state_units(len(fit.states[0]) // 2)
     for part, jacobian in zip(problem.slices(), fit.state_jacobians, strict=True):
-        normal = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / STATE_SPREAD**2
+        normal = jacobian.T @ jacobian + misfit * np.eye(jacobian.shape[1]) / STATE_SPREAD**2
         normal += damping * np.diag(np.diag(normal))
         left = fit.residual[part] - fit.jacobian[part] @ step
         states.append(np.linalg.solve(normal, jacobian.T @ left) * units)
@@ -280,7 +284,7 @@ def improve(
     damping, fresh = 1e-4, True
     for _ in range(iterations):
         trial, predicted = _attempt(problem, fit, damping, limit)
-        for _ in range(3):
+        for _ in range(6):
             if trial is not None and trial.cost < fit.cost:
                 break
             damping = max(30.0 * damping, 1e-2)
