@@ -13,14 +13,17 @@ from bha import _core
 from .chain import rigid_chain
 
 ARM = bha.robots.load("bha_nominal")
-EFFECTS = ARM.with_effects(
-    [
-        {"kind": "creep", "where": "all", "stiffness": 100.0, "tau": 0.5},
-        {"kind": "friction", "where": "section 2", "coulomb_force": 0.3},
-        {"kind": "pressure_lag", "where": "all", "fill": 0.05, "vent": 0.1},
-    ]
+MATERIAL = (
+    {"kind": "creep", "where": "all", "stiffness": 100.0, "tau": 0.5},
+    {"kind": "friction", "where": "section 2", "coulomb_force": 0.3},
 )
-PNEUMATIC = ARM.with_changes(pneumatics="full")
+LAG = {"kind": "pressure_lag", "where": "all", "fill": 0.05, "vent": 0.1}
+ARMS = {
+    "plain arm": ARM,
+    "creep, friction": ARM.with_effects(MATERIAL),
+    "creep, friction, pressure lag": ARM.with_effects((*MATERIAL, LAG)),
+    "full pneumatics": ARM.with_changes(pneumatics="full"),
+}
 MEMBERS = 64
 RNG = np.random.default_rng(0)
 P = RNG.uniform(1.1e5, 1.5e5, (MEMBERS, 9))
@@ -29,17 +32,16 @@ Q, QD = RNG.uniform(0.12, 0.28, 9), RNG.uniform(-0.4, 0.4, 9)
 
 
 @pytest.mark.parametrize("side", ["scalar", _core.instruction_sets()[-1]])
-@pytest.mark.parametrize("kind", ["plain arm", "three effects", "full pneumatics"])
+@pytest.mark.parametrize("kind", ARMS)
 def test_lanes(benchmark: Any, kind: str, side: str) -> None:
     """One thread; the cost of a million trajectories follows: a million medians over the members."""
     row = f"{kind}: 1 s, RK4 at 1 ms, {MEMBERS} trajectories"
     benchmark.extra_info.update(table="one thread, lanes", row=row, side=side)
-    arm = {"plain arm": ARM, "three effects": EFFECTS, "full pneumatics": PNEUMATIC}[kind]
     drives = [bha.Input.constant(p, 1.0) for p in P]
     times = np.array([0.0, 1.0])
     benchmark.pedantic(
         lambda: bha.simulate_batch(
-            arm, drives, X0, times=times, method="rk4", step=1e-3, threads=1, instruction_set=side
+            ARMS[kind], drives, X0, times=times, method="rk4", step=1e-3, threads=1, instruction_set=side
         ),
         rounds=5,
     )

@@ -49,7 +49,7 @@ impl<T: Real> Implicit<T> {
                 self.matrix[i * n + k] = factor;
                 for j in k + 1..n {
                     let change = factor * self.matrix[k * n + j];
-                    self.matrix[i * n + j] = self.matrix[i * n + j] - change;
+                    self.matrix[i * n + j] -= change;
                 }
             }
         }
@@ -62,15 +62,15 @@ impl<T: Real> Implicit<T> {
         for i in 0..n {
             for j in 0..i {
                 let change = self.matrix[i * n + j] * r[j];
-                r[i] = r[i] - change;
+                r[i] -= change;
             }
         }
         for i in (0..n).rev() {
             for j in i + 1..n {
                 let change = self.matrix[i * n + j] * r[j];
-                r[i] = r[i] - change;
+                r[i] -= change;
             }
-            r[i] = r[i] * self.matrix[i * n + i].recip();
+            r[i] *= self.matrix[i * n + i].recip();
         }
     }
 }
