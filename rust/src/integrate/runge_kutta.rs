@@ -193,8 +193,9 @@ impl<T: Real> Integrator<T> {
         let tableau = self.tableau;
         if let Some(implicit) = &mut self.implicit {
             implicit.factor(system, self.t, &self.x, &self.k[0], tableau.gamma * h);
+            implicit.add_drift(tableau.drift[0], &mut self.k[0]);
             implicit.solve(&mut self.k[0]);
-            self.statistics.evaluations += self.x.len() as u64;
+            self.statistics.evaluations += self.x.len() as u64 + 1;
         }
         for (i, row) in tableau.a.iter().enumerate() {
             self.combine(row, h);
@@ -206,6 +207,7 @@ impl<T: Real> Integrator<T> {
                         *s += *d * *c;
                     }
                 }
+                implicit.add_drift(tableau.drift[i + 1], &mut now[0]);
                 implicit.solve(&mut now[0]);
             }
         }

@@ -21,6 +21,8 @@ pub struct Tableau {
     pub first_same_as_last: bool,
     /// gamma of a linearly implicit method, (I - gamma h J) k_i = f(x + h sum a_ij k_j) + sum c_ij k_j; 0 for explicit ones.
     pub gamma: f64,
+    /// Multiples of gamma h df/dt on the right-hand side of each stage of a linearly implicit method; empty for explicit ones.
+    pub drift: &'static [f64],
     /// Rows c_ij of a linearly implicit method, from the second stage on; empty for explicit ones.
     pub coupling: &'static [&'static [f64]],
 }
@@ -63,6 +65,7 @@ pub static RK4: Tableau = Tableau {
     dense: &[],
     first_same_as_last: false,
     gamma: 0.0,
+    drift: &[],
     coupling: &[],
 };
 
@@ -77,6 +80,7 @@ pub static ROS2: Tableau = Tableau {
     dense: &[],
     first_same_as_last: false,
     gamma: 1.0 - std::f64::consts::FRAC_1_SQRT_2,
+    drift: &[1.0, -1.0],
     coupling: &[&[-2.0]],
 };
 
@@ -106,6 +110,7 @@ pub static DORMAND_PRINCE_54: Tableau = Tableau {
     ],
     first_same_as_last: true,
     gamma: 0.0,
+    drift: &[],
     coupling: &[],
 };
 
