@@ -57,6 +57,16 @@ def test_a_gap_outside_the_catalogue_is_not_named() -> None:
     assert found.effects == []
 
 
+def test_a_model_that_is_far_off_from_the_start_is_not_without_gap() -> None:
+    logs = make_logs(one_section(), [], seed=7, durations=DURATIONS)
+    columns = {f"q1{k + 1} [m]": logs[2].lengths[:, k] + 0.5 for k in range(3)}
+    columns |= {"t [s]": logs[2].time} | {f"p1{k} [Pa]": logs[2].pressures(PRODUCT.inputs)[:, k - 1] for k in (1, 2, 3)}
+    found = bha.diagnose(PRODUCT, logs[:2], [bha.Log.from_arrays(columns)], kinds=("weak_bellows",))
+    assert found.verdict == "unknown"
+    assert "runs away" in found.reason
+    assert found.gap.before > 0.3
+
+
 def test_the_same_seed_gives_the_same_diagnosis_whatever_the_threads() -> None:
     logs = make_logs(one_section(), [], seed=5, durations=(2.0, 2.0))
     first, second = (bha.diagnose(PRODUCT, logs[:1], logs[1:], kinds=("quadratic_damping",), threads=n) for n in (1, 2))

@@ -76,7 +76,9 @@ def gap_test(
     deviation = float(np.sqrt(2.0 / held.rows))
     expected = 1.0 + parameters
     limit = expected * (1.0 + limits.model) + limits.deviations * deviation
-    significant = prediction.mean_square > limit and ratio > limits.material
+    # A model that runs away at once has been compared with nothing: that is a gap, whatever is left of the error.
+    ran_away = not np.isfinite(prediction.mean_square)
+    significant = ran_away or (prediction.mean_square > limit and ratio > limits.material)
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)
 
 
@@ -97,6 +99,13 @@ class Verdict:
 
 def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict:
     """The verdict on a finished or interrupted search; ``left`` is the best set's RMS error over the noise's."""
+    if not np.isfinite(gap.mean_square):
+        return Verdict(
+            "unknown",
+            "the re-identified plain model runs away on the held-out logs before enough of them is compared; "
+            "identify the arm first (bha identify), so that the search starts near to it",
+            0.0,
+        )
     before, after = excesses(search.plain.prediction, search.best.prediction)
     closure = 1.0 - after / before if before > 0.0 else 0.0
     if not gap.significant:

@@ -48,7 +48,7 @@ def _line(holdout: Holdout, best: Trial) -> dict[str, Any] | None:
     assert power is not None
     peak = int(np.argmax(power))
     around = np.median(power[max(0, peak - 60) : peak + 60])
-    if power[peak] < LINE * around:
+    if power[peak] == 0.0 or power[peak] < LINE * around:
         return None
     return {"frequency": float(grid[peak]), "over_surroundings": float(power[peak] / around)}
 

@@ -106,7 +106,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     state = Search(first, first, rules)
     noise_rms = _noise_rms(baseline)
     say("testing the gap")
-    before = open_loop_error(held, engine, first, prediction.until)
+    comparable = np.isfinite(prediction.mean_square)
+    before = open_loop_error(held, engine, first, prediction.until if comparable else [np.inf] * len(held))
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits)
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
@@ -117,7 +118,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
         signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)
-        if gap.significant:
+        if gap.significant and np.isfinite(gap.mean_square):
             search(problem, holdout, plain_fit, signatures, ranges, rules, say, state)
         else:
             state.screening = score(problem, plain_fit, signatures)
