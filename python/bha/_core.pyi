@@ -16,6 +16,7 @@ __all__ = [
     "Differentiator",
     "DynamicsTerms",
     "Energy",
+    "Fleet",
     "Simulation",
     "Stepper",
     "VirtualArm",
