@@ -182,3 +182,7 @@ def test_a_run_that_diverges_keeps_what_it_has_and_says_when(tmp_path: Path) -> 
 
 def test_tables_keep_the_units_of_their_headings(tmp_path: Path) -> None:
     assert "Head [mm]" in run("info", "bha_nominal").output
+
+
+def test_experiments_keep_the_units_of_their_rows() -> None:
+    assert "[kg]" in run("experiment", "table2").output

@@ -157,9 +157,7 @@ class Arm(_core.Arm):
         Raises:
             InputError: an array of the wrong shape or with a value that is not finite.
         """
-        from bha.derivatives import linearize  # noqa: PLC0415  (it needs this module's class)
-
-        return linearize(self, q, qd, p)
+        return _core.linearize(self, q, qd, p)
 
     def __reduce__(self) -> tuple[type[Self], tuple[ArmParameters]]:
         """Pickle as the parameters; the model is built again from them."""

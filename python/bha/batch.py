@@ -141,7 +141,7 @@ def simulate_batch(
 
     lengths, rates, heads, failures, statistics = _core.simulate_batch(
         unique_arms,
-        [(d.time, d.pressures, None if d.forces is None else np.reshape(d.forces, (len(d.time), -1))) for d in drives],
+        [(d.time, d.pressures, d.force_rows) for d in drives],
         time_sets,
         [(arm_index[k], input_index[k], k if len(time_sets) > 1 else 0) for k in range(count)],
         starts,

@@ -122,19 +122,6 @@ def differentiator(arm: Arm, parameters: Sequence[str] = ()) -> Callable[..., De
     return derivatives
 
 
-def linearize(arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A (6n, 6n) and B (6n, inputs) of x' = A x + B p for small deviations, x = (q, q'), from any state.
-
-    Raises:
-        InputError: an array of the wrong shape or with a value that is not finite.
-    """
-    found = arm.forward_dynamics_derivatives(q, qd, p)
-    n, m = found.by_pressures.shape
-    lower = np.hstack([found.by_lengths, found.by_velocities])
-    upper = np.hstack([np.zeros((n, n)), np.eye(n)])
-    return np.vstack([upper, lower]), np.vstack([np.zeros((n, m)), found.by_pressures])
-
-
 def sensitivities(
     arm: Arm,
     drive: Input | Log,
@@ -178,7 +165,7 @@ def sensitivities(
         arm,
         source.time,
         source.pressures,
-        None if source.forces is None else np.reshape(source.forces, (len(source.time), -1)),
+        source.force_rows,
         time,
         float(source.time[0]) if start is None else float(start),
         x0,

@@ -33,14 +33,18 @@ class Input:
         pressures: Pa absolute, shape (m, inputs), in the order of ``arm.inputs``.
         forces: force at each section's centre of mass in the base frame, N, shape (m, n, 3), or None.
         commanded: whether the pressures are commands, which act through the arm's pneumatics; else they are those in
-        the
-            bellows and act as they are.
+            the bellows and act as they are.
     """
 
     time: NDArray[np.float64]
     pressures: NDArray[np.float64]
     forces: NDArray[np.float64] | None = None
     commanded: bool = True
+
+    @property
+    def force_rows(self) -> NDArray[np.float64] | None:
+        """The forces with one row a sample, N, shape (m, 3n), or None."""
+        return None if self.forces is None else np.reshape(self.forces, (len(self.time), -1))
 
     @classmethod
     def constant(cls, pressures: ArrayLike, duration: float) -> Input:
@@ -103,13 +107,12 @@ class Simulation:
             ConvergenceError: no rest to start from.
         """
         options = options or Options()
-        forces = None if drive.forces is None else np.asarray(drive.forces).reshape(len(drive.time), -1)
         self.arm = arm
         self._core = _core.Simulation(
             arm if drive.commanded else arm.with_changes(pneumatics="ideal"),
             drive.time,
             drive.pressures,
-            forces,
+            drive.force_rows,
             interpolation=options.interpolation,
             method=options.method,
             step=options.step,

@@ -5,10 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.table import Table
 
 from bha.arm import Arm
-from bha.cli.common import INTERRUPTED, arm_argument, console, json_option, print_json, progress_bar, reports_errors
+from bha.cli.common import (
+    INTERRUPTED,
+    arm_argument,
+    console,
+    json_option,
+    print_json,
+    progress_bar,
+    reports_errors,
+    table,
+)
 from bha.diagnose import diagnose as run
 from bha.diagnose.result import Diagnosis
 from bha.log import Log
@@ -89,11 +97,11 @@ def _print(found: Diagnosis, out: Path) -> None:
         markup=False,
     )
     for effect in found.effects:
-        table = Table("Number", "Value", "95 % interval", "Unit", title=f"{effect.kind} at {effect.where}")
+        numbers = table("Number", "Value", "95 % interval", "Unit", title=f"{effect.kind} at {effect.where}")
         for name, number in effect.parameters.items():
             interval = "" if number.ci95 is None else f"{number.ci95[0]:.4g} to {number.ci95[1]:.4g}"
-            table.add_row(name, f"{number.value:.4g}", interval, number.unit)
-        text.print(table)
+            numbers.add_row(name, f"{number.value:.4g}", interval, number.unit)
+        text.print(numbers)
         text.print(
             f"confidence {effect.confidence:.2f}" + (", empirical term" if effect.empirical else ""), highlight=False
         )

@@ -7,6 +7,7 @@ full are in ``docs/control.md``. All commands stay within the limits; while an i
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Controller:
+class Controller(ABC):
     """What all controllers have in common.
 
     Attributes:
@@ -38,9 +39,13 @@ class Controller:
     limits: Limits | None = field(default=None, kw_only=True)
     lead_time: float | None = field(default=None, kw_only=True)
 
+    @abstractmethod
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
-        raise NotImplementedError
+
+    def default_observer(self) -> Observer:
+        """The observer where none is given."""
+        return KalmanFilter()
 
     def model(self) -> Arm:
         """The arm that the core computes with."""
@@ -53,7 +58,7 @@ class Controller:
             InputError: a gain that is not allowed.
         """
         limits = self.limits or Limits.of(self.arm)
-        observer = self.observer or (FilteredDifference() if isinstance(self, Pid) else KalmanFilter())
+        observer = self.observer or self.default_observer()
         parameters = {
             "period": period,
             "law": self.law(),
@@ -92,6 +97,10 @@ class Pid(Controller):
             "integral": (self.integral * scale).tolist(),
             "derivative": (self.derivative * scale).tolist(),
         }
+
+    def default_observer(self) -> Observer:
+        """Differences: a law without a model needs no model to observe."""
+        return FilteredDifference()
 
 
 @dataclass(frozen=True)

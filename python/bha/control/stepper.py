@@ -20,7 +20,7 @@ def stable_step(arm: Arm, p: ArrayLike | None = None) -> float:
     """
     p = np.full(len(arm.inputs), arm.parameters.ambient_pressure) if p is None else np.asarray(p, dtype=np.float64)
     q = arm.static_lengths(p)
-    a, _ = _core.linearize(arm, q, np.zeros_like(q), p)
+    a, _ = arm.linearize(q, np.zeros_like(q), p)
     return float(2.0 / np.abs(np.linalg.eigvals(a)).max())
 
 

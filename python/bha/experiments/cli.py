@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import click
+from rich.markup import escape
 
-from bha.cli.common import console, json_option, print_json, progress_bar, reports_errors
+from bha.cli.common import console, json_option, print_json, progress_bar, reports_errors, table
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Outcome
 
@@ -77,18 +78,17 @@ def as_mapping(outcome: Outcome) -> dict[str, object]:
 
 def report(outcomes: list[Outcome], written: list[Path]) -> None:
     """Print claims and tables."""
-    from rich.table import Table  # noqa: PLC0415
-
     terminal = console()
     for outcome in outcomes:
-        claims = Table("Claim", "Here", "Holds", title=outcome.title)
+        claims = table("Claim", "Here", "Holds", title=outcome.title)
         for claim in outcome.claims:
             claims.add_row(claim.paper, claim.ours, "yes" if claim.holds else "no")
         terminal.print(claims)
-        for table in outcome.tables:
-            shown = Table(*table.headings, caption=table.caption)
-            for row in table.rows:
-                shown.add_row(*row)
+        for numbers in outcome.tables:
+            shown = table(*numbers.headings)
+            shown.caption = numbers.caption
+            for row in numbers.rows:
+                shown.add_row(*map(escape, row))
             terminal.print(shown)
     if written:
         terminal.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)

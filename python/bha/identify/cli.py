@@ -9,7 +9,7 @@ import click
 from rich.table import Table
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors
+from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
 from bha.errors import InputError
 from bha.identify.excitation import KINDS, Excitation, excite
 from bha.identify.free import FreeParameter
@@ -195,15 +195,15 @@ def _show(result: Identification) -> None:
         f"{state} after {outcome.iterations} steps in {result.refinement.seconds:.1f} s ({outcome.message}); "
         f"{result.refinement.problem.model.method} with {1e3 * result.refinement.problem.model.step:g} ms"
     )
-    table = Table("parameter", "unit", "start", "estimate", "std. error", "95 % interval", "")
+    estimates = table("parameter", "unit", "start", "estimate", "std. error", "95 % interval", "")
     for e in result.estimates:
         note = "at its bound" if e.at_bound else "" if e.identified else "not told by these logs"
-        table.add_row(
+        estimates.add_row(
             e.name, e.unit, f"{e.start:.4g}", f"{e.value:.4g}", f"{e.standard_error:.2g}",
             f"{e.interval[0]:.4g} to {e.interval[1]:.4g}", note,
         )  # fmt: skip
-    out.print(table)
-    left = Table("log", "channel", "left [mm]", "noise [mm]", "correlated over [s]", "white", "follows")
+    out.print(estimates)
+    left = table("log", "channel", "left [mm]", "noise [mm]", "correlated over [s]", "white", "follows")
     for r in result.residuals:
         left.add_row(
             r.record, r.channel, f"{1e3 * r.rms:.3g}", f"{1e3 * r.noise:.3g}", f"{r.correlation_time:.3g}",
@@ -217,22 +217,22 @@ def _show(result: Identification) -> None:
 
 
 def _held_out_table(held_out: tuple[HeldOut, ...]) -> Table:
-    table = Table("held-out log", "channel", "before [mm]", "after [mm]", "noise [mm]")
+    errors = table("held-out log", "channel", "before [mm]", "after [mm]", "noise [mm]")
     for held in held_out:
         rec = held.after.record
         for place, channel in enumerate(rec.channels):
             before, after = 1e3 * held.before.rms[place], 1e3 * held.after.rms[place]
-            table.add_row(rec.name, channel, f"{before:.3g}", f"{after:.3g}", f"{1e3 * rec.noise[place]:.2g}")
-    return table
+            errors.add_row(rec.name, channel, f"{before:.3g}", f"{after:.3g}", f"{1e3 * rec.noise[place]:.2g}")
+    return errors
 
 
 def _show_prospects(proposal: Excitation) -> None:
-    table = Table("parameter", "unit", "value", "std. error", "")
+    prospects = table("parameter", "unit", "value", "std. error", "")
     for p in proposal.prospects:
         share = f"{100 * p.standard_error / abs(p.value):.2g} %" if p.value else ""
-        table.add_row(p.name, p.unit, f"{p.value:.4g}", f"{p.standard_error:.2g}", share if p.told else "not told")
+        prospects.add_row(p.name, p.unit, f"{p.value:.4g}", f"{p.standard_error:.2g}", share if p.told else "not told")
     out = console()
-    out.print(table)
+    out.print(prospects)
     for combination in proposal.unknown:
         out.print(f"would stay unknown: {combination.text}", markup=False)
 

@@ -70,8 +70,8 @@ def averaged(drive: Input, step: float) -> Input:
     even = time[0] + half * np.arange(int(np.floor((time[-1] - time[0]) / half)) + 1)
     even = np.append(even, time[-1]) if even[-1] < time[-1] else even
     forces = None
-    if drive.forces is not None:
-        forces = _means(time, drive.forces.reshape(len(time), -1), even, half).reshape(len(even), -1, 3)
+    if drive.force_rows is not None:
+        forces = _means(time, drive.force_rows, even, half).reshape(len(even), -1, 3)
     pressures = _means(time, drive.pressures, even, half)
     return replace(drive, time=even, pressures=pressures, forces=forces)
 
