@@ -290,17 +290,17 @@ fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T
 impl<T: Real> System<T> for Plant<T> {
     #[inline(always)]
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
-        T::enter(BeginStep { plant: self, t0, t1, x0 });
+        begin_step(self, t0, t1, x0);
     }
 
     #[inline(always)]
     fn end_step(&mut self, t1: f64, x1: &[T]) {
-        T::enter(EndStep { plant: self, t1, x1 });
+        end_step(self, t1, x1);
     }
 
     #[inline(always)]
     fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
-        T::enter(Derivative { plant: self, t, x, dx });
+        derivative(self, t, x, dx);
     }
     #[inline(always)]
     fn output(&mut self, t: f64, x: &[T]) {
@@ -390,6 +390,20 @@ impl<T: Real> Plant<T> {
     }
 }
 
-kernel!(BeginStep<'a, T> { plant: &'a mut Plant<T>, t0: f64, t1: f64, x0: &'a [T] } => plant.begin_step_here(t0, t1, x0));
-kernel!(EndStep<'a, T> { plant: &'a mut Plant<T>, t1: f64, x1: &'a [T] } => plant.end_step_here(t1, x1));
-kernel!(Derivative<'a, T> { plant: &'a mut Plant<T>, t: f64, x: &'a [T], dx: &'a mut [T] } => plant.derivative_here(t, x, dx));
+kernel! {
+    fn begin_step<'a, T>(plant: &'a mut Plant<T>, t0: f64, t1: f64, x0: &'a [T]) {
+        plant.begin_step_here(t0, t1, x0);
+    }
+}
+
+kernel! {
+    fn end_step<'a, T>(plant: &'a mut Plant<T>, t1: f64, x1: &'a [T]) {
+        plant.end_step_here(t1, x1);
+    }
+}
+
+kernel! {
+    fn derivative<'a, T>(plant: &'a mut Plant<T>, t: f64, x: &'a [T], dx: &'a mut [T]) {
+        plant.derivative_here(t, x, dx);
+    }
+}

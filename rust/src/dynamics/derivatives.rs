@@ -192,8 +192,7 @@ mod tests {
                 }
                 sum
             };
-
-                let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (x.len() + 1)]);
+            let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (x.len() + 1)]);
                 differentiator(&arm, &tangents).run(Point { q: &q, qd: &qd, p: &p, f_ext: None }, &mut qdd, &mut out);
                 let plain = forward(&arm, &x);
                 let size = plain.iter().fold(1.0_f64, |m, v| m.max(v.abs()));

@@ -141,46 +141,40 @@ fn joint_rates<T: Real>(arm: &Arm<T>, qd: &[T], links: &mut [Link<T>]) {
     }
 }
 
-/// Joint accelerations from the loads and the velocity products in `ws`.
-#[inline(always)]
-pub(crate) fn solve<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T]) {
-    T::enter(Solve { arm, ws, qdd });
-}
-
-kernel!(Solve<'a, T> { arm: &'a Arm<T>, ws: &'a mut Workspace<T>, qdd: &'a mut [T] } => sweep(arm, ws, qdd));
-
-#[inline(always)]
-fn sweep<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, qdd: &mut [T]) {
-    let Workspace { links, loads, joints, .. } = ws;
-    let (links, loads, joints) = (links.as_slice(), loads.as_slice(), joints.as_mut_slice());
-    let mut inertia = Inertia::zero();
-    let mut bias = Wrench::zero();
-    for (i, section) in arm.sections.iter().enumerate().rev() {
-        let (link, load) = (&links[i], &loads[i]);
-        let tensor = body_tensor(arm, section, link);
-        inertia = inertia.add(&Inertia::of_body(section, link, &tensor));
-        if arm.coriolis_forces {
-            bias.add(inertia_wrench(section, link, &tensor));
+kernel! {
+    /// Joint accelerations from the loads and the velocity products in `ws`.
+    pub(crate) fn solve<'a, T>(arm: &'a Arm<T>, ws: &'a mut Workspace<T>, qdd: &'a mut [T]) {
+        let Workspace { links, loads, joints, .. } = ws;
+        let (links, loads, joints) = (links.as_slice(), loads.as_slice(), joints.as_mut_slice());
+        let mut inertia = Inertia::zero();
+        let mut bias = Wrench::zero();
+        for (i, section) in arm.sections.iter().enumerate().rev() {
+            let (link, load) = (&links[i], &loads[i]);
+            let tensor = body_tensor(arm, section, link);
+            inertia = inertia.add(&Inertia::of_body(section, link, &tensor));
+            if arm.coriolis_forces {
+                bias.add(inertia_wrench(section, link, &tensor));
+            }
+            bias.torque -= load.on_head.torque;
+            bias.force -= load.on_head.force;
+            let joint = reduce(&inertia, &bias, link, load);
+            if i > 0 {
+                (inertia, bias) = hand_down(&inertia, &bias, &joint);
+            }
+            joints[i] = joint;
         }
-        bias.torque -= load.on_head.torque;
-        bias.force -= load.on_head.force;
-        let joint = reduce(&inertia, &bias, link, load);
-        if i > 0 {
-            (inertia, bias) = hand_down(&inertia, &bias, &joint);
+        let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
+        for (i, section) in arm.sections.iter().enumerate() {
+            let (joint, s) = (&joints[i], &links[i].subspace);
+            let u = &joint.u;
+            let carried = [power(angular, linear, &u[0]), power(angular, linear, &u[1]), power(angular, linear, &u[2])];
+            let rate = joint.inverse.mul_vec(joint.force - Vec3(carried));
+            let (da, dl) = s.twist(rate);
+            angular += da;
+            linear += dl;
+            let lengths = lengths_from_arc(rate, section.bellows_radius);
+            qdd[3 * i..3 * i + 3].copy_from_slice(&lengths.0);
         }
-        joints[i] = joint;
-    }
-    let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
-    for (i, section) in arm.sections.iter().enumerate() {
-        let (joint, s) = (&joints[i], &links[i].subspace);
-        let u = &joint.u;
-        let carried = [power(angular, linear, &u[0]), power(angular, linear, &u[1]), power(angular, linear, &u[2])];
-        let rate = joint.inverse.mul_vec(joint.force - Vec3(carried));
-        let (da, dl) = s.twist(rate);
-        angular += da;
-        linear += dl;
-        let lengths = lengths_from_arc(rate, section.bellows_radius);
-        qdd[3 * i..3 * i + 3].copy_from_slice(&lengths.0);
     }
 }
 

@@ -133,7 +133,7 @@ impl<T: Real> PressureChain<T> {
     /// All stages over `elapsed` seconds; what comes in ends at the first row of `next`.
     #[inline(always)]
     fn pass(&mut self, arm: &Arm<T>, elapsed: f64) {
-        T::enter(Stages { chain: self, arm, elapsed });
+        stages(self, arm, elapsed);
     }
 
     #[inline(always)]
@@ -168,7 +168,11 @@ impl<T: Real> PressureChain<T> {
     }
 }
 
-kernel!(Stages<'a, T> { chain: &'a mut PressureChain<T>, arm: &'a Arm<T>, elapsed: f64 } => chain.stages(arm, elapsed));
+kernel! {
+    fn stages<'a, T>(chain: &'a mut PressureChain<T>, arm: &'a Arm<T>, elapsed: f64) {
+        chain.stages(arm, elapsed);
+    }
+}
 
 /// The pressures that act when everything rests at the logged `p`, in place.
 pub fn at_rest<T: Real>(arm: &Arm<T>, p: &mut [T]) {

@@ -99,17 +99,7 @@ impl<T: Real> EffectState<T> {
         }
         self.read(arm, x1);
         let elapsed = self.start.map(|t0| t1 - t0);
-        T::enter(Advance { state: self, arm, time: t1, elapsed });
-    }
-
-    /// Takes the hidden states to the instant `time`, `elapsed` seconds after the step's start.
-    #[inline(always)]
-    fn advance(&mut self, arm: &Arm<T>, time: f64, elapsed: Option<f64>) {
-        let Self { bellows, bellows_force, hidden, .. } = self;
-        let now = Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time, elapsed };
-        for entry in &arm.effects.list {
-            entry.kind.advance(&now, &mut hidden[entry.hidden.clone()]);
-        }
+        advance(self, arm, t1, elapsed);
     }
 
     /// Lengths and rates of all bellows from the state.
@@ -128,7 +118,16 @@ impl<T: Real> EffectState<T> {
     }
 }
 
-kernel!(Advance<'a, T> { state: &'a mut EffectState<T>, arm: &'a Arm<T>, time: f64, elapsed: Option<f64> } => state.advance(arm, time, elapsed));
+kernel! {
+    /// Takes the hidden states to the instant `time`, `elapsed` seconds after the step's start.
+    fn advance<'a, T>(state: &'a mut EffectState<T>, arm: &'a Arm<T>, time: f64, elapsed: Option<f64>) {
+        let EffectState { bellows, bellows_force, hidden, .. } = state;
+        let now = Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time, elapsed };
+        for entry in &arm.effects.list {
+            entry.kind.advance(&now, &mut hidden[entry.hidden.clone()]);
+        }
+    }
+}
 
 /// (u, v, l), or their rates, from three entries of the state.
 #[inline(always)]
@@ -136,54 +135,35 @@ fn three<T: Real>(x: &[T], k: usize, inverse_radius: T) -> Vec3<T> {
     arc_from_lengths(Vec3([x[k], x[k + 1], x[k + 2]]), inverse_radius)
 }
 
-/// Adds the forces of all effects of the wanted sort (`actuation`: those that belong to tau) to `loads` and to the bellows'
-/// extra forces.
-#[inline(always)]
-pub(crate) fn add_forces<T: Real>(
-    arm: &Arm<T>,
-    (actuation, passive): (bool, bool),
-    p: &[T],
-    links: &[Link<T>],
-    state: &mut EffectState<T>,
-    loads: &mut [Load<T>],
-) {
-    T::enter(AddForces { arm, which: (actuation, passive), p, links, state, loads });
-}
-
-kernel!(AddForces<'a, T> {
-    arm: &'a Arm<T>,
-    which: (bool, bool),
-    p: &'a [T],
-    links: &'a [Link<T>],
-    state: &'a mut EffectState<T>,
-    loads: &'a mut [Load<T>],
-} => sum(arm, which, p, links, state, loads));
-
-#[inline(always)]
-fn sum<T: Real>(
-    arm: &Arm<T>,
-    (actuation, passive): (bool, bool),
-    p: &[T],
-    links: &[Link<T>],
-    state: &mut EffectState<T>,
-    loads: &mut [Load<T>],
-) {
-    let EffectState { time, start, bellows, bellows_force, hidden } = state;
-    bellows_force.fill(T::zero());
-    let mut all = bellows.iter_mut();
-    for (section, link) in arm.sections.iter().zip(links) {
-        for (b, state) in section.bellows.iter().zip(&mut all) {
-            state.length = length(b, link.arc);
-            state.rate = length(b, link.rate);
-            state.pressure = if actuation { p[b.input] - arm.ambient_pressure } else { T::zero() };
+kernel! {
+    /// Adds the forces of all effects of the wanted sort (`actuation`: those that belong to tau) to `loads` and to the bellows'
+    /// extra forces.
+    pub(crate) fn add_forces<'a, T>(
+        arm: &'a Arm<T>,
+        which: (bool, bool),
+        p: &'a [T],
+        links: &'a [Link<T>],
+        state: &'a mut EffectState<T>,
+        loads: &'a mut [Load<T>],
+    ) {
+        let (actuation, passive) = which;
+        let EffectState { time, start, bellows, bellows_force, hidden } = state;
+        bellows_force.fill(T::zero());
+        let mut all = bellows.iter_mut();
+        for (section, link) in arm.sections.iter().zip(links) {
+            for (b, state) in section.bellows.iter().zip(&mut all) {
+                state.length = length(b, link.arc);
+                state.rate = length(b, link.rate);
+                state.pressure = if actuation { p[b.input] - arm.ambient_pressure } else { T::zero() };
+            }
         }
-    }
-    let mut now =
-        Instant { arm, links, bellows, bellows_force, loads, time: *time, elapsed: start.map(|t0| *time - t0) };
-    let Effects { list, .. } = &arm.effects;
-    for entry in list {
-        if if entry.kind.is_actuation() { actuation } else { passive } {
-            entry.kind.add_forces(&mut now, &hidden[entry.hidden.clone()]);
+        let mut now =
+            Instant { arm, links, bellows, bellows_force, loads, time: *time, elapsed: start.map(|t0| *time - t0) };
+        let Effects { list, .. } = &arm.effects;
+        for entry in list {
+            if if entry.kind.is_actuation() { actuation } else { passive } {
+                entry.kind.add_forces(&mut now, &hidden[entry.hidden.clone()]);
+            }
         }
     }
 }

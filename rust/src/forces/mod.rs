@@ -102,61 +102,40 @@ impl ForceSet {
     };
 }
 
-/// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
-///
-/// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force point (by default its centre of
-/// mass) in the base frame, N (none: no external force); `state`: work space and hidden states of the effects.
-#[inline(always)]
-pub fn accumulate<T: Real>(
-    arm: &Arm<T>,
-    set: ForceSet,
-    p: &[T],
-    f_ext: Option<&[Vec3<T>]>,
-    links: &[Link<T>],
-    state: &mut EffectState<T>,
-    loads: &mut [Load<T>],
-) {
-    T::enter(Accumulate { arm, set, p, f_ext, links, state, loads });
-}
-
-kernel!(Accumulate<'a, T> {
-    arm: &'a Arm<T>,
-    set: ForceSet,
-    p: &'a [T],
-    f_ext: Option<&'a [Vec3<T>]>,
-    links: &'a [Link<T>],
-    state: &'a mut EffectState<T>,
-    loads: &'a mut [Load<T>],
-} => sum(arm, set, p, f_ext, links, state, loads));
-
-#[inline(always)]
-fn sum<T: Real>(
-    arm: &Arm<T>,
-    set: ForceSet,
-    p: &[T],
-    f_ext: Option<&[Vec3<T>]>,
-    links: &[Link<T>],
-    state: &mut EffectState<T>,
-    loads: &mut [Load<T>],
-) {
-    loads.fill(Load::zero());
-    if !arm.effects.list.is_empty() {
-        effects::state::add_forces(arm, (set.actuation, set.effects), p, links, state, loads);
-    }
-    let mut extra = state.bellows_force.iter();
-    for (i, section) in arm.sections.iter().enumerate() {
-        let link = &links[i];
-        bellows::add(arm, i, section, set, p, links, &mut extra, loads);
-        if set.bending {
-            loads[i].on_arc += bending::on_arc(section, link.arc);
+kernel! {
+    /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
+    ///
+    /// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force
+    /// point (by default its centre of mass) in the base frame, N (none: no external force); `state`: work space and hidden
+    /// states of the effects.
+    pub fn accumulate<'a, T>(
+        arm: &'a Arm<T>,
+        set: ForceSet,
+        p: &'a [T],
+        f_ext: Option<&'a [Vec3<T>]>,
+        links: &'a [Link<T>],
+        state: &'a mut EffectState<T>,
+        loads: &'a mut [Load<T>],
+    ) {
+        loads.fill(Load::zero());
+        if !arm.effects.list.is_empty() {
+            effects::state::add_forces(arm, (set.actuation, set.effects), p, links, state, loads);
         }
-        if set.gravity {
-            loads[i].on_head.add(body::weight(section, arm.gravity, link));
-        }
-        if set.external
-            && let Some(f) = f_ext
-        {
-            loads[i].on_head.add(Wrench::at(link.position + link.rotation.mul_vec(section.force_point), f[i]));
+        let mut extra = state.bellows_force.iter();
+        for (i, section) in arm.sections.iter().enumerate() {
+            let link = &links[i];
+            bellows::add(arm, i, section, set, p, links, &mut extra, loads);
+            if set.bending {
+                loads[i].on_arc += bending::on_arc(section, link.arc);
+            }
+            if set.gravity {
+                loads[i].on_head.add(body::weight(section, arm.gravity, link));
+            }
+            if set.external
+                && let Some(f) = f_ext
+            {
+                loads[i].on_head.add(Wrench::at(link.position + link.rotation.mul_vec(section.force_point), f[i]));
+            }
         }
     }
 }

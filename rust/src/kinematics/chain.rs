@@ -124,28 +124,22 @@ pub fn step<T: Real>(
     link
 }
 
-/// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
-#[inline(always)]
-pub fn pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mut [Link<T>]) {
-    T::enter(Pass { arm, q, qd, motion, links });
-}
-
-kernel!(Pass<'a, T> { arm: &'a Arm<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>] } => walk(arm, q, qd, motion, links));
-
-#[inline(always)]
-fn walk<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], motion: Motion, links: &mut [Link<T>]) {
-    let mut below = Link::base();
-    for (i, (section, link)) in arm.sections.iter().zip(links.iter_mut()).enumerate() {
-        let lengths = Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]);
-        let arc = arc_from_lengths(lengths, section.inverse_radius);
-        let rate = if motion == Motion::Pose {
-            Vec3::zero()
-        } else {
-            arc_from_lengths(Vec3([qd[3 * i], qd[3 * i + 1], qd[3 * i + 2]]), section.inverse_radius)
-        };
-        let bent = Bent::new(arc, section.base_offset, section.head_offset);
-        below = step(&below, &bent, arc, rate, section.center_of_mass, motion);
-        *link = below;
+kernel! {
+    /// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
+    pub fn pass<'a, T>(arm: &'a Arm<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>]) {
+        let mut below = Link::base();
+        for (i, (section, link)) in arm.sections.iter().zip(links.iter_mut()).enumerate() {
+            let lengths = Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]);
+            let arc = arc_from_lengths(lengths, section.inverse_radius);
+            let rate = if motion == Motion::Pose {
+                Vec3::zero()
+            } else {
+                arc_from_lengths(Vec3([qd[3 * i], qd[3 * i + 1], qd[3 * i + 2]]), section.inverse_radius)
+            };
+            let bent = Bent::new(arc, section.base_offset, section.head_offset);
+            below = step(&below, &bent, arc, rate, section.center_of_mass, motion);
+            *link = below;
+        }
     }
 }
 

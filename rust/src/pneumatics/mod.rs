@@ -267,7 +267,7 @@ impl<T: Real> Chambers<T> {
     /// its start and at its end.
     #[inline(always)]
     pub fn begin_step(&mut self, arm: &Arm<T>, times: (f64, f64), state: (&[T], &[T]), commands: &[Vec<T>; 2]) {
-        T::enter(BeginStep { chambers: self, arm, times, state, commands });
+        fill(self, arm, times, state, commands);
     }
 
     #[inline(always)]
@@ -314,7 +314,7 @@ impl<T: Real> Chambers<T> {
     /// The acting pressures at time `t` of the step begun last, at lengths `q`, into `out`.
     #[inline(always)]
     pub fn pressures(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
-        T::enter(Pressures { chambers: self, arm, t, q, out });
+        read(self, arm, t, q, out);
     }
 
     #[inline(always)]
@@ -379,21 +379,23 @@ impl<T: Real> Chambers<T> {
     }
 }
 
-kernel!(BeginStep<'a, T> {
-    chambers: &'a mut Chambers<T>,
-    arm: &'a Arm<T>,
-    times: (f64, f64),
-    state: (&'a [T], &'a [T]),
-    commands: &'a [Vec<T>; 2],
-} => chambers.fill(arm, times, state, commands));
+kernel! {
+    fn fill<'a, T>(
+        chambers: &'a mut Chambers<T>,
+        arm: &'a Arm<T>,
+        times: (f64, f64),
+        state: (&'a [T], &'a [T]),
+        commands: &'a [Vec<T>; 2],
+    ) {
+        chambers.fill(arm, times, state, commands);
+    }
+}
 
-kernel!(Pressures<'a, T> {
-    chambers: &'a mut Chambers<T>,
-    arm: &'a Arm<T>,
-    t: f64,
-    q: &'a [T],
-    out: &'a mut [T],
-} => chambers.read(arm, t, q, out));
+kernel! {
+    fn read<'a, T>(chambers: &'a mut Chambers<T>, arm: &'a Arm<T>, t: f64, q: &'a [T], out: &'a mut [T]) {
+        chambers.read(arm, t, q, out);
+    }
+}
 
 /// The lagged pressure after `elapsed` under a reference that moves evenly: exact.
 #[inline(always)]

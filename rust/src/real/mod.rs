@@ -28,20 +28,27 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
-/// A [`Kernel`] made of a function: `kernel!(Name<'a, T> { argument: type, ... } => call)`.
+/// A function whose body is a [`Kernel`]: compiled once for each scalar, for its instruction set.
+///
+/// The references among its arguments have the lifetime named first.
 macro_rules! kernel {
-    ($name:ident<$life:lifetime, $scalar:ident> { $($field:ident: $type:ty),+ $(,)? } => $body:expr) => {
-        struct $name<$life, $scalar> {
-            $($field: $type),+
-        }
-
-        impl<$life, $scalar: $crate::real::Real> $crate::real::Kernel for $name<$life, $scalar> {
-            type Output = ();
-            #[inline(always)]
-            fn run(self) {
-                let Self { $($field),+ } = self;
-                $body;
+    ($(#[$attribute:meta])* $vis:vis fn $name:ident<$life:lifetime, $scalar:ident>($($field:ident: $type:ty),+ $(,)?) $body:block) => {
+        $(#[$attribute])*
+        #[inline(always)]
+        #[allow(clippy::too_many_arguments)]
+        $vis fn $name<$life, $scalar: $crate::real::Real>($($field: $type),+) {
+            struct Work<$life, $scalar> {
+                $($field: $type),+
             }
+            impl<$life, $scalar: $crate::real::Real> $crate::real::Kernel for Work<$life, $scalar> {
+                type Output = ();
+                #[inline(always)]
+                fn run(self) {
+                    let Self { $($field),+ } = self;
+                    $body
+                }
+            }
+            $scalar::enter(Work { $($field),+ });
         }
     };
 }
