@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -144,18 +145,16 @@ def third_difference_noise(values: Array) -> float:
     means = np.mean(differences[: count * length].reshape(count, length) ** 2, axis=1)
     # The lower half of the blocks, corrected by the part of their distribution that lies there, says which blocks are
     # quiet.
-    quiet = float(np.median(np.sort(means)[: max(2, count // 2)])) / LOWER_HALF_SHARE
+    quiet = float(np.median(np.sort(means)[: max(2, count // 2)])) / lower_half_share()
     return float(np.sqrt(np.mean(means[means < 2.5 * quiet]) / THIRD_DIFFERENCE_VARIANCE)) if quiet > 0.0 else 0.0
 
 
-def _lower_half_share() -> float:
+@cache
+def lower_half_share() -> float:
     """Median of the lower half of block means for pure noise, over their expectation; by a fixed random draw."""
     noise = np.random.default_rng(0).standard_normal(25 * 4000 + 3)
     means = np.mean((np.diff(noise, 3) ** 2 / THIRD_DIFFERENCE_VARIANCE)[: 25 * 4000].reshape(4000, 25), axis=1)
     return float(np.median(np.sort(means)[:2000]))
-
-
-LOWER_HALF_SHARE = _lower_half_share()
 
 
 def quantum(values: Array) -> float:
