@@ -72,7 +72,7 @@ def gap_figure(found: Diagnosis) -> Any:
     )
     figure = go.Figure(bars)
     figure.update_yaxes(autorange="reversed")
-    figure.update_xaxes(title="open-loop error on held-out logs, RMS, mm")
+    figure.update_xaxes(title="held-out error, RMS, mm")
     return _layout(figure, 220)
 
 
@@ -138,7 +138,7 @@ def candidates_figure(found: Diagnosis) -> Any:
             textposition="auto",
         )
     )
-    figure.update_xaxes(title="share of the plain model's error that it promises to explain, %")
+    figure.update_xaxes(title="share of the error it would explain, %")
     return _layout(figure, 120 + 24 * len(shown), showlegend=False)
 
 
