@@ -17,6 +17,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
@@ -58,7 +59,7 @@ def main(count: int, names: tuple[str, ...]) -> None:
         "tip at the end [mm]: saturated",
         "others",
     )
-    for heading in headings:
+    for heading in map(escape, headings):
         out.add_column(heading, justify="left" if heading == "Controller" else "right")
     failures = 0
     for name in names or tuple(CONTROLLERS):
