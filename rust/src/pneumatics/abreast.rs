@@ -2,12 +2,13 @@
 //!
 //! Chambers know each other only through the arm, so that over a step they are so many copies of the same equations: where
 //! one arm runs by itself (`f64`), as many of its inputs as there are lanes are advanced at once, the same code over
-//! another scalar. The last lanes repeat the last input where the inputs do not fill them.
+//! another scalar, and several registers side by side, since a sub-step is a long chain of dependent operations. The last
+//! lanes repeat the last input where the inputs do not fill them.
 
 use super::substep::over_step;
 use super::{Chambers, Drive, Input, Place, Pneumatics, chamber};
 use crate::real::lanes::{AnyLanes, dispatch};
-use crate::real::{InstructionSet, Kernel, Real};
+use crate::real::{InstructionSet, Kernel, Real, Several};
 use std::marker::PhantomData;
 
 /// Four lanes hold the nine inputs of three sections in three registers; eight would leave seven of sixteen idle.
@@ -43,14 +44,22 @@ struct With<W, V>(W, PhantomData<V>);
 impl AnyLanes for Fill<'_> {
     type Output = ();
     fn with<V: Real>(self) {
-        V::enter(With(self, PhantomData::<V>));
+        match self.chambers.now.len().div_ceil(V::LANES) {
+            0 | 1 => V::enter(With(self, PhantomData::<V>)),
+            2 => V::enter(With(self, PhantomData::<Several<V, 2>>)),
+            _ => V::enter(With(self, PhantomData::<Several<V, 3>>)),
+        }
     }
 }
 
 impl AnyLanes for Read<'_> {
     type Output = ();
     fn with<V: Real>(self) {
-        V::enter(With(self, PhantomData::<V>));
+        match self.chambers.now.len().div_ceil(V::LANES) {
+            0 | 1 => V::enter(With(self, PhantomData::<V>)),
+            2 => V::enter(With(self, PhantomData::<Several<V, 2>>)),
+            _ => V::enter(With(self, PhantomData::<Several<V, 3>>)),
+        }
     }
 }
 

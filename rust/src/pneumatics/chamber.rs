@@ -54,11 +54,12 @@ pub fn pressure_from<T: Real>(exponent: T, before: (T, T, T), now: (T, T)) -> T 
             logarithm = logarithm.mul_add(tt, T::from_f64(1.0 / k));
         }
         let x = logarithm * t * 2.0 * exponent;
-        let mut growth = T::from_f64(1.0 / 10.0);
-        for k in [9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0] {
-            growth = growth.mul_add(x, T::one()) * (1.0 / k);
+        // e^x = 1 + x growth.
+        let mut growth = T::from_f64(1.0 / 3_628_800.0);
+        for factorial in [362_880.0, 40_320.0, 5040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0] {
+            growth = growth.mul_add(x, T::from_f64(1.0 / factorial));
         }
-        (p * x).mul_add(growth.mul_add(x, T::one()), p)
+        (p * x).mul_add(growth, p)
     } else {
         p * ratio.powf(exponent)
     }
