@@ -5,7 +5,7 @@
 //! another scalar, and several registers side by side, since a sub-step is a long chain of dependent operations. The last
 //! lanes repeat the last input where the inputs do not fill them.
 
-use super::substep::over_step;
+use super::substep::substep;
 use super::{Chambers, Drive, Input, Place, Pneumatics, chamber};
 use crate::real::lanes::{AnyLanes, dispatch};
 use crate::real::{InstructionSet, Kernel, Real, Several};
@@ -85,14 +85,18 @@ impl<V: Real> Kernel for With<Fill<'_>, V> {
             };
             let volume = V::from_lanes(|i| pneumatics.control_volume[(first + i).min(last)]);
             let used = V::LANES.min(inputs - first);
-            let keep = |node: usize, content: V, p: V| {
+            let mut x = (x, chamber::pressure(&k, x.content, drive.volume));
+            for node in 0..=*substeps {
+                if node > 0 {
+                    x = substep(&k, volume, x, &drive, ((node - 1) as f64 * step, step));
+                }
                 let row = node * inputs + first;
                 for i in 0..used {
-                    nodes[row + i] = content.lane(i);
-                    node_pressures[row + i] = p.lane(i);
+                    nodes[row + i] = x.0.content.lane(i);
+                    node_pressures[row + i] = x.1.lane(i);
                 }
-            };
-            let x = over_step(&k, volume, x, &drive, (step, *substeps), keep);
+            }
+            let x = x.0;
             for (i, next) in next[first..first + used].iter_mut().enumerate() {
                 *next = Input { content: x.content.lane(i), spool: x.spool.lane(i), integral: x.integral.lane(i) };
             }

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::parameters::{PneumaticsLevel, PneumaticsParameters};
 use crate::real::{Real, kernel};
 use std::any::Any;
-use substep::over_step;
+use substep::substep;
 
 /// Longest sub-step, s.
 pub const SUBSTEP: f64 = 2.5e-4;
@@ -340,13 +340,17 @@ impl<T: Real> Chambers<T> {
             return;
         }
         let Self { now, next, drives, nodes, node_pressures, .. } = self;
+        let step = h / count as f64;
         for j in 0..inputs {
-            let keep = |k: usize, content: T, p: T| {
-                nodes[k * inputs + j] = content;
-                node_pressures[k * inputs + j] = p;
-            };
-            let volume = pneumatics.control_volume[j];
-            next[j] = over_step(pneumatics, volume, now[j], &drives[j], (h / count as f64, count), keep);
+            let (drive, volume) = (&drives[j], pneumatics.control_volume[j]);
+            let mut x = (now[j], chamber::pressure(pneumatics, now[j].content, drive.volume));
+            (nodes[j], node_pressures[j]) = (x.0.content, x.1);
+            for k in 0..count {
+                x = substep(pneumatics, volume, x, drive, (k as f64 * step, step));
+                let place = (k + 1) * inputs + j;
+                (nodes[place], node_pressures[place]) = (x.0.content, x.1);
+            }
+            next[j] = x.0;
         }
     }
 

@@ -55,42 +55,30 @@ pub fn substep<T: Real>(
     let (mm, ms, sm) = (one - stiff.mass_by_mass * g, -stiff.mass_by_spool * g, -stiff.spool_by_mass * g);
     let ss = one + k.spool_rate * g;
     let inverse = (mm * ss - ms * sm).recip();
-    let solve = |f: Input<T>| Input {
-        content: (f.content * ss - ms * f.spool) * inverse,
-        spool: (f.spool * mm - sm * f.content) * inverse,
-        integral: f.integral,
-    };
-    let k1 = solve(f1);
-    let at = |w: f64, a: Input<T>, b: Input<T>| Input {
-        content: a.content + b.content * w,
-        spool: a.spool + b.spool * w,
-        integral: a.integral + b.integral * w,
-    };
+    // No closures: what stays out of line is compiled without the lanes' instruction set.
+    let k1 = solved(f1, (mm, ms, sm, ss), inverse);
     let before = (p, x.content, drive.volume + drive.volume_rate * t);
     let volume = drive.volume + drive.volume_rate * (t + h);
-    let stage = at(h, x, k1);
+    let stage = moved(h, x, k1);
     let stage_pressure = chamber::pressure_from(k.exponent, before, (stage.content, volume));
     let (f2, _) = rates(k, control_volume, (stage, stage_pressure), drive, t + h);
-    let k2 = solve(at(-2.0, f2, k1));
-    let next = at(0.5 * h, at(1.5 * h, x, k1), k2);
+    let k2 = solved(moved(-2.0, f2, k1), (mm, ms, sm, ss), inverse);
+    let next = moved(0.5 * h, moved(1.5 * h, x, k1), k2);
     (next, chamber::pressure_from(k.exponent, before, (next.content, volume)))
 }
 
-/// A whole step of the arm in `count` sub-steps of `step` s; `keep` gets content and pressure at the start and at the end of each.
+/// The solution of (mm ms; sm ss) (content, spool) = f, with one over the determinant; the integral as it is.
 #[inline(always)]
-pub fn over_step<T: Real>(
-    k: &Pneumatics<T>,
-    control_volume: T,
-    mut x: Input<T>,
-    drive: &Drive<T>,
-    (step, count): (f64, usize),
-    mut keep: impl FnMut(usize, T, T),
-) -> Input<T> {
-    let mut p = chamber::pressure(k, x.content, drive.volume);
-    keep(0, x.content, p);
-    for j in 0..count {
-        (x, p) = substep(k, control_volume, (x, p), drive, (j as f64 * step, step));
-        keep(j + 1, x.content, p);
+fn solved<T: Real>(f: Input<T>, (mm, ms, sm, ss): (T, T, T, T), inverse: T) -> Input<T> {
+    Input {
+        content: (f.content * ss - ms * f.spool) * inverse,
+        spool: (f.spool * mm - sm * f.content) * inverse,
+        integral: f.integral,
     }
-    x
+}
+
+/// a + w b.
+#[inline(always)]
+fn moved<T: Real>(w: f64, a: Input<T>, b: Input<T>) -> Input<T> {
+    Input { content: a.content + b.content * w, spool: a.spool + b.spool * w, integral: a.integral + b.integral * w }
 }
