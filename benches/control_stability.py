@@ -4,8 +4,8 @@ benches/control_stability.py``.
 Plants have every mass, stiffness and damping off by 10 % at random, full pneumatics and noisy sensors. Each reference
 is a fast move between two random poses and a rest of 4 s. A controller limit-cycles where the arm does not come to rest
 and its swing in the last second is no smaller than two seconds before; a swing that dies out by the arm's own damping
-(time constant 2 s) is counted by itself. The table also says how many references saturated some input and how far from
-its reference the tip then ended.
+(time constant 2 s) is counted by itself. The table also says how many references saturated some input, which inputs
+these were, and how far from its reference the tip then ended.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
@@ -55,10 +56,11 @@ def main(count: int, names: tuple[str, ...]) -> None:
         "worst",
         "tip, RMS [mm]",
         "saturated",
+        "inputs",
         "tip at the end [mm]: saturated",
         "others",
     )
-    for heading in headings:
+    for heading in map(escape, headings):
         out.add_column(heading, justify="left" if heading == "Controller" else "right")
     failures = 0
     for name in names or tuple(CONTROLLERS):
@@ -67,6 +69,7 @@ def main(count: int, names: tuple[str, ...]) -> None:
         ends: list[float] = []
         errors: list[float] = []
         last: dict[bool, list[float]] = {True: [], False: []}
+        saturated: set[str] = set()
         for seed in track(range(count), description=name, transient=True):
             plant, reference = off_by(model, 0.1, seed), random_reference(model, rng)
             sensors = Sensors(length_noise=1e-4, pressure_noise=100.0, seed=seed)
@@ -82,14 +85,20 @@ def main(count: int, names: tuple[str, ...]) -> None:
             decaying += moving and end <= 0.9 * before
             ends.append(end)
             errors.append(run.rms_tip_error())
+            saturated |= run.saturation().keys()
             last[bool(run.saturation())].append(root_mean_square(run.tip_error[-1000:]))
         failures += diverged + cycles
         tips = [f"{1e3 * root_mean_square(np.array(values)):.1f}" if values else "-" for values in last.values()]
         speeds = (f"{1e3 * root_mean_square(np.array(ends)):.1f}", f"{1e3 * max(ends):.1f}")
         rms = f"{1e3 * root_mean_square(np.array(errors)):.1f}"
-        out.add_row(name, *map(str, (diverged, cycles, decaying, *speeds, rms, len(last[True]), *tips)))
-    Console(width=150).print(out)
+        at_limits = (len(last[True]), names_of(saturated))
+        out.add_row(name, *map(str, (diverged, cycles, decaying, *speeds, rms, *at_limits, *tips)))
+    Console(width=160).print(out)
     sys.exit(1 if failures else 0)
+
+
+def names_of(inputs: set[str]) -> str:
+    return ", ".join(sorted(inputs)) or "-"
 
 
 def root_mean_square(values: NDArray[np.float64]) -> float:

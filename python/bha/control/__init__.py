@@ -15,6 +15,7 @@ from bha.control.controllers import (
 )
 from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
+from bha.control.margins import LinearLoop, linear_loop
 from bha.control.observers import FilteredDifference, KalmanFilter
 from bha.control.references import Reference, hold, point_to_point, tip_circle, tip_line, tip_path, tip_samples
 from bha.control.stepper import Stepper
@@ -27,6 +28,7 @@ __all__ = [
     "GravityPd",
     "KalmanFilter",
     "Limits",
+    "LinearLoop",
     "LinearQuadraticRegulator",
     "Pid",
     "Reference",
@@ -34,6 +36,7 @@ __all__ = [
     "StaticModel",
     "Stepper",
     "hold",
+    "linear_loop",
     "point_to_point",
     "simulate_closed_loop",
     "tip_circle",

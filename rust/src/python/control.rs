@@ -242,6 +242,15 @@ impl PyController {
         let o = controller.observer();
         shaped(py, [o.lengths(), o.rates(), o.disturbance()].concat(), [3, self.coordinates])
     }
+
+    /// The Kalman filter's gain (9n, 3n): corrections of lengths, rates and unexplained accelerations by innovations; zero
+    /// before the first step and without a model.
+    #[getter]
+    fn observer_gain<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        let controller = self.controller.try_lock().map_err(|_| busy(py, "controller"))?;
+        let m = self.coordinates;
+        shaped(py, controller.observer().gain().to_vec(), [3 * m, m])
+    }
 }
 
 /// Runs a closed loop from the stepper's present state over the rows of `reference` (k, 9n), one a period.

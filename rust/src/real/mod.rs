@@ -8,10 +8,12 @@
 mod dual;
 mod fused;
 pub mod lanes;
+mod several;
 
 pub use dual::Dual;
 pub use fused::Fused;
 pub use lanes::{InstructionSet, Lanes};
+pub use several::Several;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
