@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 
 #: Numbers that one call of the core may return, so that memory stays bounded.
 CHUNK_NUMBERS = 40_000_000
+#: Shares of the step that are tried in turn where a run diverges: the step was chosen for the nominal arm, and an effect
+#: (quadratic damping, a wall) may make a stiffer one of it.
+STEP_SHARES = (1.0, 0.5, 0.25)
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Job:
 class Engine:
     """Runs jobs over threads with one fixed step; a run that diverges gives NaN from there on.
 
-    Jobs that share a log run in one call of the core, which may put them abreast.
+    Jobs that share a log run in one call of the core, which may put them abreast. Where one of them diverges, all of them
+    are repeated with finer steps: their differences only mean something at the same step.
     """
 
     def __init__(
@@ -110,20 +114,23 @@ class Engine:
         if not live:
             return [nothing] * len(jobs)
         needs_heads = any(not name.startswith("q") for name in record.channels)
-        lengths, _, heads, _, _ = _core.simulate_batch(
-            built,
-            inputs,
-            [times],
-            [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
-            np.full(len(live), times[0]),
-            np.ascontiguousarray([job.state for job in live]),
-            method=self.method,
-            step=step,
-            velocities=False,
-            head_positions=needs_heads,
-            measured=True,
-            threads=self.threads,
-        )
+        for share in STEP_SHARES:
+            lengths, _, heads, _, _ = _core.simulate_batch(
+                built,
+                inputs,
+                [times],
+                [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
+                np.full(len(live), times[0]),
+                np.ascontiguousarray([job.state for job in live]),
+                method=self.method,
+                step=share * step,
+                velocities=False,
+                head_positions=needs_heads,
+                measured=True,
+                threads=self.threads,
+            )
+            if np.all(np.isfinite(lengths[:, -1])):
+                break
         columns = channel_columns(record.channels, lengths.shape[2] // 3)
         both = lengths if heads is None else np.concatenate([lengths, heads.reshape(lengths.shape)], axis=2)
         outputs = iter(np.ascontiguousarray(both[:, :, columns]))

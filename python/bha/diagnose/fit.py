@@ -184,9 +184,6 @@ def with_base(problem: Problem, fit: Fit, jobs: Sequence[Job]) -> tuple[list[Arr
     arm = fit.model.arm(fit.x)
     first = [Job(arm, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
     outputs = problem.engine.run([*first, *jobs], coarse=True)
-    if not all(np.all(np.isfinite(y)) for y in outputs[: len(first)]):
-        # Parameters that make the arm too stiff for the coarse step.
-        outputs = problem.engine.run([*first, *jobs])
     return outputs[: len(first)], outputs[len(first) :]
 
 
