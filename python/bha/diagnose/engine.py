@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 #: Numbers that one call of the core may return, so that memory stays bounded.
 CHUNK_NUMBERS = 40_000_000
-#: Shares of the step that are tried in turn where a run diverges: the step was chosen for the nominal arm, and an effect
-#: (quadratic damping, a wall) may make a stiffer one of it.
+#: Shares of the step that are tried in turn where a run diverges: the step was chosen for the nominal arm, and an
+#: effect (quadratic damping, a wall) may make a stiffer one of it.
 STEP_SHARES = (1.0, 0.5, 0.25)
 
 
@@ -32,6 +32,7 @@ class Job:
         state: lengths and rates at its first compared row, shape (6n,).
         pressures: other pressures than the record's, Pa, or None.
         rows: only that many of its compared rows; all if None.
+        finer: the engine's steps are divided by this.
     """
 
     arm: str
@@ -39,13 +40,14 @@ class Job:
     state: Array
     pressures: Array | None = None
     rows: int | None = None
+    finer: int = 1
 
 
 class Engine:
     """Runs jobs over threads with one fixed step; a run that diverges gives NaN from there on.
 
-    Jobs that share a log run in one call of the core, which may put them abreast. Where one of them diverges, all of them
-    are repeated with finer steps: their differences only mean something at the same step.
+    Jobs that share a log run in one call of the core, which may put them abreast. Where one of them diverges, all of
+    them are repeated with finer steps: their differences only mean something at the same step.
     """
 
     def __init__(
@@ -75,15 +77,15 @@ class Engine:
     def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
         step = self.coarse if coarse else self.step
-        groups: dict[tuple[int, int], list[int]] = {}
+        groups: dict[tuple[int, int, int], list[int]] = {}
         for k, job in enumerate(jobs):
-            groups.setdefault((id(job.record), job.rows or len(job.record.rows)), []).append(k)
+            groups.setdefault((id(job.record), job.rows or len(job.record.rows), job.finer), []).append(k)
         results: list[Array] = [np.empty(0)] * len(jobs)
-        for (_, rows), members in groups.items():
+        for (_, rows, finer), members in groups.items():
             size = max(1, CHUNK_NUMBERS // (rows * 6 * len(jobs[members[0]].state)))
             for first in range(0, len(members), size):
                 part = members[first : first + size]
-                for k, y in zip(part, self._together([jobs[k] for k in part], rows, step), strict=True):
+                for k, y in zip(part, self._together([jobs[k] for k in part], rows, step / finer), strict=True):
                     results[k] = y
                 self.count += len(part)
                 if self._tick is not None:
