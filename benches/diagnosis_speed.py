@@ -1,7 +1,7 @@
 """One diagnosis with and without the processor's lanes: ``python benches/diagnosis_speed.py``.
 
-A case of ``benches/blind`` at full size: 60 s of training logs at 200 Hz, three sections, all candidates. Both runs see the
-same logs, in one process; answers agree as far as rounding does not decide between two steps of a fit.
+A case of ``benches/blind`` at full size: 60 s of training logs at 200 Hz, three sections, all candidates. Both runs see
+the same logs, in one process; answers agree as far as rounding does not decide between two steps of a fit.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from bha.diagnose.intervals import _between_logs
 
 
 def test_logs_that_ask_for_different_numbers_widen_the_interval() -> None:
-    # Two logs of two blocks whose scores pull one coordinate by +6 and -6 in units of its curvature 3: each log by itself
+    # Two logs of two blocks whose scores pull one coordinate by +6 and -6, in units of its curvature 3: each by itself
     # would move it by 2. With one degree of freedom Student's 95 % is 12.706 standard errors of sqrt(2 * (2^2 + 2^2)).
     table = np.array([[2.0], [4.0], [-3.0], [-3.0]])
     found = _between_logs(table, [0, 2, 4], np.array([[3.0]]))

@@ -41,6 +41,8 @@ class Rules:
         rank: greatest p-value of the paired rank test on held-out blocks that keeps it.
         share: least share of the excess error on held-out blocks that it has to remove.
         worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        near: a candidate is refitted if it promises at least this share of what the best one does.
+        like: the same for a look-alike against what it would replace.
         element: least share of what is left of the training error that a further branch or stage has to remove.
         refined: a runner-up is refined too if it brings at least this share of what the first one brings.
     """
@@ -54,6 +56,8 @@ class Rules:
     rank: float = 0.02
     share: float = 0.025
     worth: float = 0.02
+    near: float = 0.25
+    like: float = 0.6
     element: float = 0.1
     refined: float = 0.7
 
@@ -154,7 +158,8 @@ def _forward(
         taken = [c.key for c in current.candidates]
         chosen = promising(screening.ranking, taken, count, rules.per_kind, problem.rows / correlation)
         # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
-        chosen = [scored for scored in chosen if scored.score > 0.5 * worth]
+        least = max(0.5 * worth, rules.near * max((scored.score for scored in chosen), default=0.0))
+        chosen = [scored for scored in chosen if scored.score > least]
         if not chosen:
             state.notes.append(f"no further candidate promises {100 * rules.worth:.1f} % of the excess error")
             return
@@ -281,7 +286,10 @@ def _swap(
             continue
         ranking = score(problem, smaller.fit, signatures).ranking
         correlation = correlation_length(problem, current.fit.residual)
+        own = max((scored.score for scored in ranking if scored.candidate.key == current.key[k]), default=0.0)
         for scored in promising(ranking, current.key, 2, 1, problem.rows / correlation):
+            if scored.score < rules.like * own:
+                continue
             candidates = [*smaller.candidates, scored.candidate]
             kept = len(smaller.candidates)
             trial = refit(problem, holdout, smaller.fit, candidates, [scored.strengths], ranges, kept=kept)
