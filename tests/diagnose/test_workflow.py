@@ -92,3 +92,22 @@ def test_wrong_arguments_are_input_errors() -> None:
         bha.diagnose(PRODUCT, [])
     with pytest.raises(InputError, match="no candidate"):
         bha.diagnose(PRODUCT, logs, kinds=("gremlin",))
+
+
+def test_a_lag_of_two_stages_is_one_name_with_the_times_of_both(tmp_path: Path) -> None:
+    stages = [
+        {"kind": "pressure_lag", "where": "all", "parameters": {"fill": 0.06, "vent": 0.1}},
+        {"kind": "pressure_lag", "where": "all", "parameters": {"fill": 0.02, "vent": 0.03}},
+    ]
+    logs = make_logs(one_section(), stages, seed=4, durations=DURATIONS)
+    found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=("pressure_lag", "delay"), out=tmp_path, report=False)
+    assert [(e.kind, e.where) for e in found.effects] == [("pressure_lag", "all")]
+    (effect,) = found.effects
+    assert len(effect.elements) == 2
+    for name, true in (("fill", 0.08), ("vent", 0.13)):
+        together = effect.parameters[name]
+        assert together.value == pytest.approx(sum(e[name].value for e in effect.elements))
+        assert together.value == pytest.approx(true, rel=0.05)
+    assert found.gap.after < 1.15 * found.gap.noise
+    written = bha.Arm.load(tmp_path / "arm_diagnosed.toml").parameters.effects
+    assert [e.kind for e in written] == ["pressure_lag", "pressure_lag"]

@@ -36,14 +36,11 @@ from bha.diagnose.noise import (
 )
 from bha.diagnose.records import Record
 from bha.diagnose.smoothing import filtered
+from bha.diagnose.steps import CHECKED_TIME, COARSE_ERROR_SHARE, STEP_ERROR_SHARE, noise_of, root_mean_square
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
 
-#: Greatest share of the noise that the integration's error may have.
-STEP_ERROR_SHARE = 0.15
-#: The same for runs of which only differences are wanted.
-COARSE_ERROR_SHARE = 1.0
 Method = Literal["rk4", "ros2"]
 #: Methods of integration, the cheaper first.
 METHODS: tuple[Method, ...] = ("rk4", "ros2")
@@ -140,16 +137,17 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     thinned = tuple(thin(r, factor) for r in records)
     states = tuple(first_state(arm, r, model.sections) for r in thinned)
     jobs = [
-        Job(text, r, s, rows=min(len(r.rows), int(6.0 / r.sample_time))) for r, s in zip(thinned, states, strict=True)
+        Job(text, r, s, rows=min(len(r.rows), int(CHECKED_TIME / r.sample_time)))
+        for r, s in zip(thinned, states, strict=True)
     ]
-    noise = float(np.median([np.median(r.noise) for r in records]))
+    noise = noise_of(records)
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
     coarse: float | None = None
     for step in steps:
         # The implicit method costs more a step; arms whose damping outweighs their inertia are stiff and need it.
         for method in METHODS:
             fine, finer = engine(step, method).run(jobs), engine(step / 2.0, method).run(jobs)
-            error = float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(fine, finer, strict=True)])))
+            error = root_mean_square(fine, finer)
             if not np.isfinite(error):
                 continue
             if method == "rk4" and error <= COARSE_ERROR_SHARE * noise:

@@ -81,6 +81,9 @@ class KindPlan:
         begin: start of the numbers that are fitted, from the strengths of the probes and the shapes; zero strength
             without it.
         numbers: see :class:`bha.diagnose.model.EffectTerm`.
+        further: of a kind of which several may act in one place (branches, stages): from the numbers of the one that is
+            there the shapes from which another is sought.
+        adding: numbers whose sum over such elements is what they amount to together.
     """
 
     kind: str
@@ -97,6 +100,8 @@ class KindPlan:
     probes: Callable[[Numbers], list[tuple[dict[str, float], float]]] | None = None
     begin: Callable[[Sequence[float], Numbers], dict[str, float]] | None = None
     numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
+    further: Callable[[Numbers], list[dict[str, float]]] | None = None
+    adding: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -360,6 +365,8 @@ PLANS: tuple[KindPlan, ...] = (
         (Shape("tau", TAU_GRID),),
         parts="bellows",
         passive=("stiffness",),
+        further=lambda old: [{"tau": 5.0 * old["tau"]}, {"tau": 0.2 * old["tau"]}],
+        adding=("stiffness",),
     ),
     KindPlan(
         "hysteresis",
@@ -368,6 +375,8 @@ PLANS: tuple[KindPlan, ...] = (
         (Shape("yield", (2e-3, 6e-3, 15e-3), low=8e-4),),
         parts="bellows",
         passive=("amplitude",),
+        further=lambda old: [{"yield": 3.0 * old["yield"]}, {"yield": old["yield"] / 3.0}],
+        adding=("amplitude",),
     ),
     KindPlan(
         "friction",
@@ -424,8 +433,7 @@ PLANS: tuple[KindPlan, ...] = (
             Shape("distance", (0.7, 0.85), logarithmic=False, spread=0.02),
         ),
         passive=("stiffness",),
-        extra=(Shape("damping", (1.0,), logarithmic=True, spread=1.5),),
-        fixed={"rounding": 1e-3},
+        extra=(Shape("damping", (1.0,), spread=1.5), Shape("rounding", (1e-3,), low=1e-4, high=0.05)),
         numbers=_wall,
     ),
     KindPlan("work_conjugate", ("all",), ()),
@@ -438,6 +446,8 @@ PLANS: tuple[KindPlan, ...] = (
         grid=(Shape("tau", (0.01, 0.04, 0.15, 0.6)),),
         probes=_lag_probes,
         begin=_lag_start,
+        further=lambda old: [{"tau": 0.25 * math.sqrt(old["fill"] * old["vent"])}],
+        adding=("fill", "vent"),
     ),
     KindPlan("delay", ("all",), (Strength("time", 0.02),)),
     KindPlan("valve_dead_band", INPUT, (), (Shape("band", (300.0, 1000.0, 3000.0, 8000.0)),), parts="input"),

@@ -38,7 +38,7 @@ class Limits:
     material: float = 1.1
     closure: float = 0.7
     left: float = 2.5
-    good_closure: float = 0.9
+    good_closure: float = 0.8
 
 
 @dataclass(frozen=True)

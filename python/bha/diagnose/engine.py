@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 
 #: Numbers that one call of the core may return, so that memory stays bounded.
 CHUNK_NUMBERS = 40_000_000
+#: Shares of the step that are tried in turn where a run diverges: the step was chosen for the nominal arm, and an
+#: effect (quadratic damping, a wall) may make a stiffer one of it.
+STEP_SHARES = (1.0, 0.5, 0.25)
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,7 @@ class Job:
         state: lengths and rates at its first compared row, shape (6n,).
         pressures: other pressures than the record's, Pa, or None.
         rows: only that many of its compared rows; all if None.
+        finer: the engine's steps are divided by this.
     """
 
     arm: str
@@ -36,12 +40,14 @@ class Job:
     state: Array
     pressures: Array | None = None
     rows: int | None = None
+    finer: int = 1
 
 
 class Engine:
     """Runs jobs over threads with one fixed step; a run that diverges gives NaN from there on.
 
-    Jobs that share a log run in one call of the core, which may put them abreast.
+    Jobs that share a log run in one call of the core, which may put them abreast. Where one of them diverges, all of
+    them are repeated with finer steps: their differences only mean something at the same step.
     """
 
     def __init__(
@@ -71,15 +77,15 @@ class Engine:
     def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
         step = self.coarse if coarse else self.step
-        groups: dict[tuple[int, int], list[int]] = {}
+        groups: dict[tuple[int, int, int], list[int]] = {}
         for k, job in enumerate(jobs):
-            groups.setdefault((id(job.record), job.rows or len(job.record.rows)), []).append(k)
+            groups.setdefault((id(job.record), job.rows or len(job.record.rows), job.finer), []).append(k)
         results: list[Array] = [np.empty(0)] * len(jobs)
-        for (_, rows), members in groups.items():
+        for (_, rows, finer), members in groups.items():
             size = max(1, CHUNK_NUMBERS // (rows * 6 * len(jobs[members[0]].state)))
             for first in range(0, len(members), size):
                 part = members[first : first + size]
-                for k, y in zip(part, self._together([jobs[k] for k in part], rows, step), strict=True):
+                for k, y in zip(part, self._together([jobs[k] for k in part], rows, step / finer), strict=True):
                     results[k] = y
                 self.count += len(part)
                 if self._tick is not None:
@@ -110,20 +116,23 @@ class Engine:
         if not live:
             return [nothing] * len(jobs)
         needs_heads = any(not name.startswith("q") for name in record.channels)
-        lengths, _, heads, _, _ = _core.simulate_batch(
-            built,
-            inputs,
-            [times],
-            [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
-            np.full(len(live), times[0]),
-            np.ascontiguousarray([job.state for job in live]),
-            method=self.method,
-            step=step,
-            velocities=False,
-            head_positions=needs_heads,
-            measured=True,
-            threads=self.threads,
-        )
+        for share in STEP_SHARES:
+            lengths, _, heads, _, _ = _core.simulate_batch(
+                built,
+                inputs,
+                [times],
+                [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
+                np.full(len(live), times[0]),
+                np.ascontiguousarray([job.state for job in live]),
+                method=self.method,
+                step=share * step,
+                velocities=False,
+                head_positions=needs_heads,
+                measured=True,
+                threads=self.threads,
+            )
+            if np.all(np.isfinite(lengths[:, -1])):
+                break
         columns = channel_columns(record.channels, lengths.shape[2] // 3)
         both = lengths if heads is None else np.concatenate([lengths, heads.reshape(lengths.shape)], axis=2)
         outputs = iter(np.ascontiguousarray(both[:, :, columns]))

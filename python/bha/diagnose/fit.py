@@ -20,6 +20,7 @@ from bha.diagnose.engine import Engine, Job
 from bha.diagnose.model import Model
 from bha.diagnose.noise import Whitener
 from bha.diagnose.records import Record
+from bha.diagnose.steps import COARSE_ERROR_SHARE, far_apart
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
@@ -59,8 +60,11 @@ class Problem:
 
     def simulate(self, model: Model, x: Array, states: Sequence[Array]) -> list[Array]:
         """Outputs of every log."""
-        arm = model.arm(x)
-        return self.engine.run([Job(arm, r, s) for r, s in zip(self.records, states, strict=True)])
+        return self.engine.run(self.jobs(model, model.arm(x), states))
+
+    def jobs(self, model: Model, arm: str, states: Sequence[Array]) -> list[Job]:
+        """A run of ``arm`` on every log, with steps as ``model`` needs them."""
+        return [Job(arm, r, s, finer=model.finer) for r, s in zip(self.records, states, strict=True)]
 
     def residual(self, outputs: Sequence[Array]) -> Array:
         """White residual of all logs, measured less simulated, one vector; NaN if a run diverged."""
@@ -167,8 +171,7 @@ def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
             step = -DIFFERENCE
         x[k] += step
         steps.append(step)
-        arm = fit.model.arm(x)
-        jobs += [Job(arm, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
+        jobs += problem.jobs(fit.model, fit.model.arm(x), fit.states)
     base, outputs = with_base(problem, fit, jobs)
     count = len(problem.records)
     result = np.empty((problem.rows, len(which)))
@@ -180,14 +183,17 @@ def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
 
 
 def with_base(problem: Problem, fit: Fit, jobs: Sequence[Job]) -> tuple[list[Array], list[Array]]:
-    """Outputs of the fit and of ``jobs``, all with the coarse step: their differences are what is wanted."""
-    arm = fit.model.arm(fit.x)
-    first = [Job(arm, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
+    """Outputs of the fit and of ``jobs``, all at one step: their differences are what is wanted.
+
+    The coarse step serves where it makes of the fit itself what the fine one does: beyond its limit stiction chatters,
+    and differences of chatter are no sensitivities.
+    """
+    first = problem.jobs(fit.model, fit.model.arm(fit.x), fit.states)
+    count = len(first)
     outputs = problem.engine.run([*first, *jobs], coarse=True)
-    if not all(np.all(np.isfinite(y)) for y in outputs[: len(first)]):
-        # Parameters that make the arm too stiff for the coarse step.
+    if far_apart(problem.records, outputs[:count], fit.outputs, COARSE_ERROR_SHARE):
         outputs = problem.engine.run([*first, *jobs])
-    return outputs[: len(first)], outputs[len(first) :]
+    return outputs[:count], outputs[count:]
 
 
 def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
@@ -201,7 +207,7 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
         for k in range(2 * n):
             changed = state.copy()
             changed[k] += 0.1 * units[k]
-            jobs.append(Job(arm, record, changed, rows=rows))
+            jobs.append(Job(arm, record, changed, rows=rows, finer=fit.model.finer))
     base, outputs = with_base(problem, fit, jobs)
     result = []
     for i, (record, white) in enumerate(zip(problem.records, problem.whiteners, strict=True)):

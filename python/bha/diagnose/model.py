@@ -135,11 +135,13 @@ class Model:
         core: the core's description of the arm at its nominal values, without the effects of this model.
         plain: the plain coordinates.
         effects: the effects.
+        finer: the step of the integration, which was chosen for the plain arm, is divided by this.
     """
 
     core: Core
     plain: tuple[Coordinate, ...]
     effects: tuple[EffectTerm, ...] = ()
+    finer: int = 1
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:

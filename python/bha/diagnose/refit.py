@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bha.diagnose.catalogue import Candidate, Ranges
 from bha.diagnose.fit import Fit, Problem, columns, evaluate, improve, weighted
 from bha.diagnose.holdout import Holdout, Prediction
+from bha.diagnose.steps import resolved
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
@@ -125,6 +126,9 @@ def refit(
     model = start.model.with_effects([*start.model.effects[:kept], *(term for term, _ in made)])
     old = start.model.with_effects(start.model.effects[:kept]).size
     x = np.concatenate([start.x[:old], *(np.array(begin, dtype=np.float64) for _, begin in made)])
+    # Strengths start at zero: the step has to do for those that are expected.
+    expected = np.where((x == 0.0) & (np.arange(len(x)) >= old), 1.0, x)
+    model = resolved(problem.engine, problem.records, model, expected, start.states)
     fit = evaluate(problem, model, x, start.states, start.trust)
     if not np.isfinite(fit.cost):
         return None

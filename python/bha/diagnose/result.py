@@ -58,7 +58,10 @@ class Effect(Table):
     Attributes:
         kind: as in a parameter file.
         where: as in a parameter file.
-        parameters: its numbers.
+        parameters: its numbers; of several elements together, see ``elements``.
+        elements: where several branches or stages of the kind were found in its place (creep, hysteresis, lag), the
+            numbers of each; ``parameters`` then has the sums of those that add up (stiffnesses, amplitudes, time
+            constants in series) and otherwise those of the first. Empty for a single one.
         confidence: share of block-bootstrap repeats that choose it among its rivals.
         confusable_with: kinds and places that these data cannot tell from it (``kind at place``).
         empirical: it helps to predict, but breaks a physical rule (creates energy, sits on a bound): a term, not a
@@ -72,6 +75,7 @@ class Effect(Table):
     kind: str
     where: str
     parameters: dict[str, Number]
+    elements: list[dict[str, Number]] = []
     confidence: Finite = Field(ge=0.0, le=1.0)
     confusable_with: list[str] = []
     empirical: bool = False

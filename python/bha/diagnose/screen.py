@@ -119,15 +119,13 @@ def probe(
     table = np.zeros((problem.rows, len(changes)), dtype=np.float32)
     text = json.dumps(core)
     plain = [Job(text, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
-    base = problem.engine.run(plain, coarse=True)
-    coarse = all(np.all(np.isfinite(y)) for y in base)
-    base = base if coarse else problem.engine.run(plain)
+    count = len(plain)
     for first in range(0, len(changes), BATCH):
         tell(first / len(changes))
         batch = changes[first : first + BATCH]
         run = [k for k, (effect, _) in enumerate(batch) if effect["kind"] not in ON_LENGTHS]
-        outputs = problem.engine.run(_jobs(problem, fit, core, [batch[k][0] for k in run]), coarse=coarse)
-        count = len(problem.records)
+        outputs = problem.engine.run([*plain, *_jobs(problem, fit, core, [batch[k][0] for k in run])], coarse=True)
+        base, outputs = outputs[:count], outputs[count:]
         for k, (effect, size) in enumerate(batch):
             if k in run:
                 at = run.index(k) * count

@@ -13,14 +13,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnose.catalogue import Ranges
-from bha.diagnose.fit import Fit, Problem, improve, with_sensitivities
+from bha.diagnose.catalogue import Candidate, Ranges
+from bha.diagnose.fit import Fit, Problem, evaluate, improve, with_sensitivities
 from bha.diagnose.holdout import Holdout, better, excesses
 from bha.diagnose.refit import Trial, bic, correlation_length, refit, store, stored, without
 from bha.diagnose.screen import Scored, Screening, Signatures, score
+from bha.diagnose.steps import resolved
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
+
+#: Mean square of the white residual below which what is left is noise.
+NOISE_LEFT = 1.02
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,9 @@ class Rules:
         rank: greatest p-value of the paired rank test on held-out blocks that keeps it.
         share: least share of the excess error on held-out blocks that it has to remove.
         worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        near: a candidate is refitted if it promises at least this share of what the best one does.
+        like: the same for a look-alike against what it would replace.
+        element: least share of what is left of the training error that a further branch or stage has to remove.
         refined: a runner-up is refined too if it brings at least this share of what the first one brings.
     """
 
@@ -49,6 +56,9 @@ class Rules:
     rank: float = 0.02
     share: float = 0.025
     worth: float = 0.02
+    near: float = 0.25
+    like: float = 0.6
+    element: float = 0.1
     refined: float = 0.7
 
 
@@ -65,6 +75,7 @@ class Search:
         rivals: for every round its trials with one more effect than before, best first.
         notes: what was decided and why.
         shares: of each effect of the best set the share of the excess on held-out logs that comes back without it.
+        chosen: the best set before further elements of its effects were sought: what rivals are compared with.
         complete: whether the search came to its end.
     """
 
@@ -76,6 +87,7 @@ class Search:
     rivals: list[list[Trial]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     shares: dict[tuple[str, str], float] = field(default_factory=dict)
+    chosen: Trial | None = None
     complete: bool = False
 
 
@@ -124,6 +136,8 @@ def search(
         _backward(problem, holdout, rules, say, state)
         if _swap(problem, holdout, signatures, ranges, rules, say, state):
             _backward(problem, holdout, rules, say, state)
+        state.chosen = state.best
+        _elements(problem, holdout, ranges, rules, say, state)
         state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted: the search is not complete")
@@ -144,7 +158,8 @@ def _forward(
         taken = [c.key for c in current.candidates]
         chosen = promising(screening.ranking, taken, count, rules.per_kind, problem.rows / correlation)
         # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
-        chosen = [scored for scored in chosen if scored.score > 0.5 * worth]
+        least = max(0.5 * worth, rules.near * max((scored.score for scored in chosen), default=0.0))
+        chosen = [scored for scored in chosen if scored.score > least]
         if not chosen:
             state.notes.append(f"no further candidate promises {100 * rules.worth:.1f} % of the excess error")
             return
@@ -159,7 +174,7 @@ def _forward(
             return
         state.best = trials[0]
         state.notes.append(f"taken in: {trials[0].key[-1][0]} at {trials[0].key[-1][1]}, criterion lower by {gain:.1f}")
-        if trials[0].fit.squares / problem.rows < 1.02 and number + 1 < rules.most:
+        if trials[0].fit.squares / problem.rows < NOISE_LEFT and number + 1 < rules.most:
             state.notes.append("what is left is noise: no further effect is sought")
             return
 
@@ -203,8 +218,14 @@ def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
 
 def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
     name = f"refined {[(c.key, sorted(c.shape.items())) for c in trial.candidates]}"
-    known = stored(problem, trial.fit, name)
-    fit = with_sensitivities(problem, known or trial.fit)
+    fit = trial.fit
+    # What was found may be stiffer than what was expected.
+    model = resolved(problem.engine, problem.records, fit.model, fit.x, fit.states)
+    if model.finer != fit.model.finer:
+        fit = evaluate(problem, model, fit.x, fit.states, fit.trust)
+    known = stored(problem, fit, name)
+    fit = known or fit
+    fit = with_sensitivities(problem, fit)
     if known is None:
         renew = list(range(len(fit.model.plain), fit.model.size))
         fit = improve(problem, fit, iterations=20, renew=renew, renewals=6, tolerance=1e-3)
@@ -265,7 +286,10 @@ def _swap(
             continue
         ranking = score(problem, smaller.fit, signatures).ranking
         correlation = correlation_length(problem, current.fit.residual)
+        own = max((scored.score for scored in ranking if scored.candidate.key == current.key[k]), default=0.0)
         for scored in promising(ranking, current.key, 2, 1, problem.rows / correlation):
+            if scored.score < rules.like * own:
+                continue
             candidates = [*smaller.candidates, scored.candidate]
             kept = len(smaller.candidates)
             trial = refit(problem, holdout, smaller.fit, candidates, [scored.strengths], ranges, kept=kept)
@@ -277,3 +301,43 @@ def _swap(
                 state.best = current = trial
                 swapped = True
     return swapped
+
+
+def _elements(problem: Problem, holdout: Holdout, ranges: Ranges, rules: Rules, say: Say, state: Search) -> None:
+    """Second branches and stages of what was named: the names stay, their form comes nearer to the arm's."""
+    for k, candidate in enumerate(state.best.candidates):
+        plan = candidate.plan
+        if plan.further is None:
+            continue
+        current = state.best
+        correlation = correlation_length(problem, current.fit.residual)
+        if current.fit.squares / problem.rows < NOISE_LEFT:
+            return
+        _, parts = current.fit.model.split(current.fit.x)
+        old = current.fit.model.effects[k].parameters([float(v) for v in parts[k]])
+        start = with_sensitivities(problem, current.fit)
+        for shape in plan.further(old):
+            say(f"a further element of {candidate.kind} at {candidate.where}")
+            further = Candidate(plan, candidate.where, shape)
+            strengths = [0.3 * old[s.name] for s in plan.strengths] or [1.0] * len(plan.probed(shape))
+            trial = refit(
+                problem,
+                holdout,
+                start,
+                [*current.candidates, further],
+                [strengths],
+                ranges,
+                kept=len(current.candidates),
+                renewals=3,
+            )
+            if trial is None:
+                continue
+            gain = bic(current, problem, correlation) - bic(trial, problem, correlation)
+            left, gained = current.fit.squares - problem.rows, current.fit.squares - trial.fit.squares
+            needed = gain >= rules.forward and gained >= rules.element * left
+            if needed and better(current.prediction, trial.prediction) <= rules.rank:
+                state.notes.append(
+                    f"a further element of {candidate.kind} at {candidate.where}: criterion lower by {gain:.1f}"
+                )
+                state.best = trial
+                break

@@ -17,7 +17,7 @@ from bha.diagnose.baseline import Baseline, Prepared, cut_to, first_state, fit_b
 from bha.diagnose.cache import Cache, key_of
 from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
 from bha.diagnose.engine import Engine, Job
-from bha.diagnose.fit import Problem, with_sensitivities
+from bha.diagnose.fit import Fit, Problem, with_sensitivities
 from bha.diagnose.holdout import Holdout
 from bha.diagnose.intervals import confidences, coordinate_draws, intervals
 from bha.diagnose.model import EffectTerm, Model, plain_model
@@ -204,7 +204,8 @@ def _noise_rms(baseline: Baseline) -> float:
 def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial, until: Sequence[float]) -> float:
     """Open-loop RMS error on the rows of the held-out logs before ``until``, m; from the trial's initial states."""
     arm = trial.fit.model.arm(trial.fit.x)
-    outputs = engine.run([Job(arm, r, s) for r, s in zip(records, trial.prediction.states, strict=True)])
+    finer = trial.fit.model.finer
+    outputs = engine.run([Job(arm, r, s, finer=finer) for r, s in zip(records, trial.prediction.states, strict=True)])
     squares, count = 0.0, 0
     for record, y, end in zip(records, outputs, until, strict=True):
         error = (record.outputs - y)[record.good & (record.output_time < end)[:, None]]
@@ -328,19 +329,25 @@ def _effects(
     seed: int,
 ) -> list[Effect]:
     result = []
-    at = len(final.fit.model.plain)
     draws = coordinate_draws(problem, final.fit, seed)
+    places: dict[tuple[str, str], list[int]] = {}
     for number, candidate in enumerate(final.candidates):
-        term = final.fit.model.effects[number]
-        x = final.fit.x[at : at + len(term.coordinates)]
-        bounds = {str(c.path[-1]): c.at_bound(float(v)) for c, v in zip(term.coordinates, x, strict=True)}
-        spans = {str(c.path[-1]): uncertainty[at + k] for k, c in enumerate(term.coordinates)}
-        parameters = _numbers(term, x, draws[:, at : at + len(term.coordinates)], bounds)
-        empirical = any(bounds.values()) or any(
-            spans[name][1] < 0.0 for name in candidate.plan.passive if name in spans
-        )
-        at += len(term.coordinates)
-        rivals = _rivals(state, final, number, problem, correlation)
+        places.setdefault(candidate.key, []).append(number)
+    # Rivals were refitted without further elements: they are compared with the set that had none either.
+    chosen = state.chosen if state.chosen is not None else final
+    for numbers in places.values():
+        number, candidate = numbers[0], final.candidates[numbers[0]]
+        elements = [_Element.of(final.fit, k, draws) for k in numbers]
+        parameters = _numbers(elements, candidate.plan.adding if len(numbers) > 1 else ())
+        bounds = [c.at_bound(float(v)) for e in elements for c, v in zip(e.term.coordinates, e.x, strict=True)]
+        spans = [
+            uncertainty[e.first + k]
+            for e in elements
+            for k, c in enumerate(e.term.coordinates)
+            if str(c.path[-1]) in candidate.plan.passive
+        ]
+        empirical = any(bounds) or any(high < 0.0 for _, high in spans)
+        rivals = _rivals(state, chosen, number, problem, correlation)
         alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
         refitted = {t.key[number] for t, _ in rivals}
         alike += [
@@ -348,13 +355,14 @@ def _effects(
             for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]
             if (kind, where) not in refitted
         ]
-        shares = confidences(problem, [final, *(t for t, _ in rivals[:5])], seed) if rivals else np.ones(1)
+        shares = confidences(problem, [chosen, *(t for t, _ in rivals[:5])], seed) if rivals else np.ones(1)
         kinds = [candidate.kind, *dict.fromkeys(a.partition(" at ")[0] for a in alike)]
         result.append(
             Effect(
                 kind=candidate.kind,
                 where=candidate.where,
                 parameters=parameters,
+                elements=[_numbers([e]) for e in elements] if len(elements) > 1 else [],
                 confidence=float(shares[0]),
                 confusable_with=list(dict.fromkeys(alike)),
                 empirical=empirical,
@@ -373,28 +381,58 @@ def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect
     for effect in effects:
         for k, main in enumerate(result):
             if main.kind == effect.kind and catalogue.nested(main.where, effect.where, core):
-                more = Correction(where=effect.where, parameters=effect.parameters)
-                result[k] = main.model_copy(update={"corrections": [*main.corrections, more]})
+                more = [Correction(where=effect.where, parameters=p) for p in effect.elements or [effect.parameters]]
+                result[k] = main.model_copy(update={"corrections": [*main.corrections, *more]})
                 break
         else:
             result.append(effect)
     return result
 
 
-def _numbers(term: EffectTerm, x: Array, draws: Array, bounds: Mapping[str, bool]) -> dict[str, Number]:
-    """The numbers of the parameter file with their intervals, whatever coordinates they were fitted in."""
+@dataclass(frozen=True)
+class _Element:
+    """One term of the model with its coordinates, their bootstrap changes, and where they stand in the vector."""
+
+    term: EffectTerm
+    x: Array
+    draws: Array
+    first: int
+
+    @classmethod
+    def of(cls, fit: Fit, number: int, draws: Array) -> _Element:
+        first = len(fit.model.plain) + sum(len(e.coordinates) for e in fit.model.effects[:number])
+        term = fit.model.effects[number]
+        part = slice(first, first + len(term.coordinates))
+        return cls(term, fit.x[part], draws[:, part], first)
+
+    def at_bound(self, name: str) -> bool:
+        return any(
+            c.at_bound(float(v)) for c, v in zip(self.term.coordinates, self.x, strict=True) if c.path[-1] == name
+        )
+
+
+def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[str, Number]:
+    """The numbers of the parameter file with their intervals, whatever coordinates they were fitted in.
+
+    Of several elements the numbers ``adding`` are sums, the others those of the first.
+    """
     ranges = catalogue.core_ranges()
-    values = term.parameters([float(v) for v in x])
-    repeats = [term.parameters([float(v) for v in x + d]) for d in draws]
+    values = [e.term.parameters([float(v) for v in e.x]) for e in elements]
+    repeats = [[e.term.parameters([float(v) for v in e.x + d]) for d in e.draws] for e in elements]
+    term = elements[0].term
     result = {}
-    for name, value in values.items():
-        found = np.array([r[name] for r in repeats])
+    for name in values[0]:
+        counted = range(len(elements)) if name in adding else range(1)
+        found = np.sum([[r[name] for r in repeats[k]] for k in counted], axis=0)
         interval = None
         if name not in term.fixed and np.any(found != found[0]):
             low, high = np.quantile(found, [0.025, 0.975])
             interval = (float(low), float(high))
         result[name] = Number(
-            value=value, unit=ranges(term.kind, name)[0], ci95=interval, at_bound=bounds.get(name, False)
+            value=float(sum(values[k][name] for k in counted)),
+            unit=ranges(term.kind, name)[0],
+            ci95=interval,
+            at_bound=any(elements[k].at_bound(name) for k in counted),
         )
     return result
 

@@ -29,7 +29,7 @@ def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
         _effect_table(effect.kind, where, parameters, references)
         for effect in outcome.diagnosis.effects
         for where, parameters in (
-            (effect.where, effect.parameters),
+            *((effect.where, e) for e in effect.elements or [effect.parameters]),
             *((c.where, c.parameters) for c in effect.corrections),
         )
     ]

@@ -3,8 +3,8 @@
 //! Source: first order with the chamber's resistance and capacity, as reduced models of pneumatic lines have it; paper section
 //! IV takes its pneumatic model from elsewhere.
 //! Form: p' = (u - p) / tau, tau = fill where u > p, else vent. Hidden: p; at first the pressure that comes in.
-//! Update: exact along a straight piece of u, its change from filling to venting (or back) included. Two lags in series are two effects in
-//! different places, `all` and `input p13`.
+//! Update: exact along a straight piece of u, its change from filling to venting (or back) included. Several lags are stages in series, in
+//! the order of the file: tube and chamber.
 
 use crate::effects::exponential::phi;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};
@@ -51,6 +51,7 @@ impl<T: Real> PressureLag<T> {
 impl<T: Real> Effect<T> for PressureLag<T> {
     const SUMMARY: &'static str = "acting pressure lags behind, with time constants for filling and venting";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section, PlaceKind::Input];
+    const SEVERAL: bool = true;
     const PARAMETERS: &'static [Parameter] = &[
         Parameter::new("fill", "s", 1e-4..=100.0, "time constant while the pressure rises"),
         Parameter::new("vent", "s", 1e-4..=100.0, "time constant while it falls"),
