@@ -99,7 +99,7 @@ impl Fleet {
             .num_threads(threads)
             .build()
             .map_err(|e| Error::Input(format!("threads: {threads}; {e}")))?;
-        if PressureChain::new(arm, &History::new(0.0, start.p), 0.0).is_some() {
+        if PressureChain::new(arm, &mut History::new(0.0, start.p), 0.0).is_some() {
             return Err(Error::Input(
                 "this arm has effects on pressures, which environments that are reset one by one do not support; take them \
                  away with with_effects"

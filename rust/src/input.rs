@@ -101,9 +101,9 @@ impl Input {
         self.force_count
     }
 
-    /// Whether a channel jumps at any time.
-    pub fn has_jumps(&self) -> bool {
-        !self.jumps.is_empty()
+    /// The times at which a channel jumps, ascending.
+    pub fn jumps(&self) -> &[f64] {
+        &self.jumps
     }
 
     /// First sample time.
