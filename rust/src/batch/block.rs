@@ -284,3 +284,70 @@ impl<T: Real> System<T> for Parking<T> {
         self.failures.iter().all(Option::is_some).then(|| "no lane can go on".to_owned())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::batch::Channels;
+    use crate::dynamics::testing::fixed_parameters;
+    use crate::effects::EffectParameters;
+    use crate::input::{Input, Interpolation};
+    use crate::integrate::Options;
+    use crate::real::InstructionSet;
+
+    fn input(times: &[f64], first: f64, interpolation: Interpolation) -> Arc<Input> {
+        let pressures = (0..3 * times.len()).map(|k| 1e5 + 1e3 * (first + k as f64)).collect();
+        Arc::new(Input::new(times.to_vec(), (pressures, 3), (Vec::new(), 0), interpolation).unwrap())
+    }
+
+    #[test]
+    fn members_share_a_block_unless_steps_or_clocks_differ() {
+        let parameters = fixed_parameters(1);
+        let effect = |kind: &str, numbers: &[(&str, f64)], force: Option<&str>| {
+            let parameters = numbers.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
+            let (kind, place) = (kind.to_owned(), "all".to_owned());
+            vec![EffectParameters { kind, place, parameters, force: force.map(str::to_owned) }]
+        };
+        let arm =
+            |effect| Arc::new(Arm::new(&crate::parameters::ArmParameters { effect, ..parameters.clone() }).unwrap());
+        let delay = |time| arm(effect("delay", &[("time", time)], None));
+        let arms = [
+            arm(Vec::new()),
+            arm(effect("pressure_lag", &[("fill", 0.1), ("vent", 0.2)], None)),
+            arm(effect("formula", &[], Some("sin(t)"))),
+            delay(0.01),
+            delay(0.02),
+        ];
+        let inputs = [
+            input(&[0.0, 1.0], 0.0, Interpolation::Linear),
+            input(&[0.0, 0.3, 1.0], 3.0, Interpolation::Linear),
+            input(&[0.0, 0.5], 0.0, Interpolation::Hold),
+            input(&[0.0, 0.5], 5.0, Interpolation::Hold),
+            input(&[0.0, 0.6], 0.0, Interpolation::Hold),
+        ];
+        const NOW: &[f64] = &[0.0, 0.1];
+        const LATER: &[f64] = &[0.2, 0.3];
+        let batch = Batch {
+            arms: &arms,
+            inputs: &inputs,
+            members: &[],
+            options: Options::default(),
+            channels: Channels::default(),
+            instruction_set: InstructionSet::Scalar,
+        };
+        let member = |arm, input, times: &'static [f64]| Member { arm, input, start: times[0], state: None, times };
+        let share = |a: Member<'_>, b: Member<'_>| can_share(&batch, &a, &b) && can_share(&batch, &b, &a);
+        for arm in 0..arms.len() {
+            // Other inputs; formulas of time and jumps allow no other clock.
+            assert!(share(member(arm, 0, NOW), member(arm, 1, NOW)), "{arm}");
+            assert_eq!(share(member(arm, 0, NOW), member(arm, 1, LATER)), arm != 2, "{arm}");
+            assert!(share(member(arm, 2, NOW), member(arm, 3, NOW)), "{arm}");
+            assert!(!share(member(arm, 2, NOW), member(arm, 2, LATER)), "{arm}");
+            assert!(!share(member(arm, 2, NOW), member(arm, 4, NOW)), "{arm}");
+        }
+        // Delays put jumps and samples at times of their own; other structures never go together.
+        assert!(!share(member(3, 0, NOW), member(4, 0, NOW)));
+        assert!(!share(member(0, 0, NOW), member(1, 0, NOW)));
+        assert!(!share(member(0, 0, NOW), member(0, 0, &LATER[..1])));
+    }
+}
