@@ -11,7 +11,10 @@ const MOST_LANES: usize = 8;
 
 /// One input for all lanes, or one a lane.
 #[derive(Clone, Debug)]
-pub struct Drives(Vec<Drive>);
+pub struct Drives {
+    each: Vec<Drive>,
+    has_jumps: bool,
+}
 
 /// An input and where its readers stand.
 #[derive(Clone, Debug)]
@@ -37,31 +40,39 @@ impl Drives {
     /// all inputs have forces or none.
     pub fn new(inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let (cursor, elsewhere) = (Cursor::default(), Cursor::default());
-        Self(inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor, elsewhere }).collect())
+        let has_jumps = inputs.iter().any(|(input, _)| !input.jumps().is_empty());
+        let each = inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor, elsewhere }).collect();
+        Self { each, has_jumps }
+    }
+
+    /// Whether any of them jumps at any time: else limits from the left are values.
+    #[inline(always)]
+    pub fn has_jumps(&self) -> bool {
+        self.has_jumps
     }
 
     /// Whether there are external forces.
     #[inline(always)]
     pub fn has_forces(&self) -> bool {
-        self.0[0].input.has_forces()
+        self.each[0].input.has_forces()
     }
 
     /// The first time after `t` at which any of them jumps.
     pub fn next_jump(&self, t: f64) -> f64 {
-        self.0.iter().map(|d| d.input.next_jump(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
+        self.each.iter().map(|d| d.input.next_jump(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
     }
 
     /// The pressures at `t`; `before`: the limit from the left.
     #[inline(always)]
     pub fn pressures<T: Real>(&mut self, t: f64, before: bool, out: &mut [T]) {
-        self.pressures_each(|_| t, |_| before, out);
+        self.pressures_each([t; MOST_LANES], [before; MOST_LANES], out);
     }
 
     /// The pressures of every lane at a time of its own.
     #[inline(always)]
-    fn pressures_each<T: Real>(&mut self, t: impl Fn(usize) -> f64, before: impl Fn(usize) -> bool, out: &mut [T]) {
+    fn pressures_each<T: Real>(&mut self, t: [f64; MOST_LANES], before: [bool; MOST_LANES], out: &mut [T]) {
         let places = self.places(t, before);
-        match self.0.as_slice() {
+        match self.each.as_slice() {
             [drive] => {
                 for (j, p) in out.iter_mut().enumerate() {
                     *p = T::from_f64(drive.input.pressure(places[0], j));
@@ -78,14 +89,14 @@ impl Drives {
     /// The forces at `t`.
     #[inline(always)]
     pub fn forces<T: Real>(&mut self, t: f64, before: bool, out: &mut [Vec3<T>]) {
-        let places = self.places(|_| t, |_| before);
-        let single = self.0.len() == 1;
+        let places = self.places([t; MOST_LANES], [before; MOST_LANES]);
+        let single = self.each.len() == 1;
         for (i, f) in out.iter_mut().enumerate() {
             for (c, f) in f.0.iter_mut().enumerate() {
                 *f = if single {
-                    T::from_f64(self.0[0].input.force(places[0], 3 * i + c))
+                    T::from_f64(self.each[0].input.force(places[0], 3 * i + c))
                 } else {
-                    T::from_lanes(|k| self.0[k].input.force(places[k], 3 * i + c))
+                    T::from_lanes(|k| self.each[k].input.force(places[k], 3 * i + c))
                 };
             }
         }
@@ -93,40 +104,57 @@ impl Drives {
 
     /// Where each lane's input stands.
     #[inline(always)]
-    fn places(&mut self, t: impl Fn(usize) -> f64, before: impl Fn(usize) -> bool) -> [(usize, f64); MOST_LANES] {
+    fn places(&mut self, t: [f64; MOST_LANES], before: [bool; MOST_LANES]) -> [(usize, f64); MOST_LANES] {
         let mut places = [(0, 0.0); MOST_LANES];
-        for (k, (place, drive)) in places.iter_mut().zip(&mut self.0).enumerate() {
-            *place = drive.input.weight(t(k) + drive.offset, before(k), &mut drive.cursor);
+        for (k, (place, drive)) in places.iter_mut().zip(&mut self.each).enumerate() {
+            *place = drive.input.weight(t[k] + drive.offset, before[k], &mut drive.cursor);
         }
         places
     }
 }
 
+/// The number in each lane. What takes a closure is given these: closures may stay out of line, where lanes are slow.
+#[inline(always)]
+fn each_lane<T: Real>(t: T) -> [f64; MOST_LANES] {
+    let mut out = [0.0; MOST_LANES];
+    for (k, out) in out.iter_mut().enumerate().take(T::LANES) {
+        *out = t.lane(k);
+    }
+    out
+}
+
 impl<T: Real> Upstream<T> for Drives {
     #[inline(always)]
     fn read(&mut self, t: T, end: f64, out: &mut [T]) {
-        self.pressures_each(|k| t.lane(k), |k| t.lane(k) >= end, out);
+        let t = each_lane(t);
+        let mut before = [false; MOST_LANES];
+        for (before, t) in before.iter_mut().zip(t) {
+            *before = t >= end;
+        }
+        self.pressures_each(t, before, out);
     }
 
     /// With the derivative by time only where one input drives all lanes.
     #[inline(always)]
     fn delayed(&mut self, t: T, channel: usize) -> T {
-        match self.0.as_mut_slice() {
-            [drive] => drive.input.pressure_at(t + drive.offset, channel),
-            drives => T::from_lanes(|k| {
-                let drive = &mut drives[k];
-                // A jump counts from just after its time on, as it does in `pressure_at`.
-                let place = drive.input.weight(t.lane(k) + drive.offset, true, &mut drive.elsewhere);
-                drive.input.pressure(place, channel)
-            }),
+        if let [drive] = self.each.as_mut_slice() {
+            return drive.input.pressure_at(t + drive.offset, channel);
         }
+        let t = each_lane(t);
+        T::from_lanes(|k| {
+            let drive = &mut self.each[k];
+            // A jump counts from just after its time on, as it does in `pressure_at`.
+            let place = drive.input.weight(t[k] + drive.offset, true, &mut drive.elsewhere);
+            drive.input.pressure(place, channel)
+        })
     }
 
     #[inline(always)]
     fn next_sample(&mut self, t: T) -> T {
-        match self.0.as_mut_slice() {
-            [drive] => T::from_f64(drive.next_sample(t.lane(0))),
-            drives => T::from_lanes(|k| drives[k].next_sample(t.lane(k))),
+        let t = each_lane(t);
+        match self.each.as_mut_slice() {
+            [drive] => T::from_f64(drive.next_sample(t[0])),
+            drives => T::from_lanes(|k| drives[k].next_sample(t[k])),
         }
     }
 
@@ -135,6 +163,6 @@ impl<T: Real> Upstream<T> for Drives {
     }
 
     fn clock(&self) -> T {
-        T::from_lanes(|k| self.0[if self.0.len() == 1 { 0 } else { k }].offset)
+        T::from_lanes(|k| self.each[if self.each.len() == 1 { 0 } else { k }].offset)
     }
 }

@@ -173,7 +173,7 @@ impl<T: Real> Plant<T> {
     /// Reads the inputs at `t` into the work space; `q` are the lengths then.
     #[inline(always)]
     fn read_input(&mut self, t: f64, q: &[T]) {
-        let before = t >= self.step_end;
+        let before = self.drives.has_jumps() && t >= self.step_end;
         let again = self.read == (t, before);
         self.read = (t, before);
         if !again && self.has_forces() {
@@ -265,7 +265,22 @@ impl<T: Real> System<T> for Plant<T> {
         }
     }
 
+    #[inline(always)]
     fn objection(&self, x: &[T]) -> Option<String> {
+        let mut margin = T::one();
+        for (i, section) in self.arm.sections.iter().enumerate() {
+            let [u, v, l] = arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), section.inverse_radius).0;
+            margin = margin.min(-(u * u + v * v) + PSI_MAX * PSI_MAX).min(l);
+        }
+        if margin.smallest() > 0.0 { None } else { self.reason(x) }
+    }
+}
+
+impl<T: Real> Plant<T> {
+    /// Which section is beyond what the model allows, if one is.
+    #[cold]
+    #[inline(never)]
+    fn reason(&self, x: &[T]) -> Option<String> {
         for (i, section) in self.arm.sections.iter().enumerate() {
             let [u, v, l] = arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), section.inverse_radius).0;
             if (u * u + v * v).largest() > PSI_MAX * PSI_MAX {

@@ -13,7 +13,7 @@ use crate::kinematics::chain::{Link, Motion, pass};
 use crate::linear::Vec3;
 use crate::plant::Plant;
 use crate::real::lanes::AnyLanes;
-use crate::real::{Kernel, Real};
+use crate::real::{Kernel, Real, all_finite};
 use crate::simulate::initial_state;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -276,7 +276,7 @@ impl<T: Real> System<T> for Parking<T> {
         if self.any {
             self.park(x1);
         }
-        if x1.iter().all(|x| x.is_finite()) && self.plant.objection(x1).is_none() {
+        if all_finite(x1) && self.plant.objection(x1).is_none() {
             return None;
         }
         self.find(t0, x1);
