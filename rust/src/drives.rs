@@ -11,9 +11,13 @@ const MOST_LANES: usize = 8;
 
 /// One input for all lanes, or one a lane.
 #[derive(Clone, Debug)]
-pub struct Drives {
+pub struct Drives<T> {
     each: Vec<Drive>,
     has_jumps: bool,
+    /// The samples that the lanes' inputs stood at last, and their pressures and rises to the next samples.
+    at: [usize; MOST_LANES],
+    from: Vec<T>,
+    rise: Vec<T>,
 }
 
 /// An input and where its readers stand.
@@ -35,14 +39,15 @@ impl Drive {
     }
 }
 
-impl Drives {
+impl<T: Real> Drives<T> {
     /// `inputs[k]` drives lane `k` (the only one all lanes), its clock ahead of the plant's by the seconds given. Either
     /// all inputs have forces or none.
     pub fn new(inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let (cursor, elsewhere) = (Cursor::default(), Cursor::default());
         let has_jumps = inputs.iter().any(|(input, _)| !input.jumps().is_empty());
+        let none = vec![T::zero(); inputs.first().map_or(0, |(input, _)| input.pressure_count())];
         let each = inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor, elsewhere }).collect();
-        Self { each, has_jumps }
+        Self { each, has_jumps, at: [usize::MAX; MOST_LANES], from: none.clone(), rise: none }
     }
 
     /// Whether any of them jumps at any time: else limits from the left are values.
@@ -64,31 +69,46 @@ impl Drives {
 
     /// The pressures at `t`; `before`: the limit from the left.
     #[inline(always)]
-    pub fn pressures<T: Real>(&mut self, t: f64, before: bool, out: &mut [T]) {
+    pub fn pressures(&mut self, t: f64, before: bool, out: &mut [T]) {
         self.pressures_each([t; MOST_LANES], [before; MOST_LANES], out);
     }
 
     /// The pressures of every lane at a time of its own.
     #[inline(always)]
-    fn pressures_each<T: Real>(&mut self, t: [f64; MOST_LANES], before: [bool; MOST_LANES], out: &mut [T]) {
+    fn pressures_each(&mut self, t: [f64; MOST_LANES], before: [bool; MOST_LANES], out: &mut [T]) {
         let places = self.places(t, before);
-        match self.each.as_slice() {
-            [drive] => {
-                for (j, p) in out.iter_mut().enumerate() {
-                    *p = T::from_f64(drive.input.pressure(places[0], j));
-                }
-            }
-            drives => {
-                for (j, p) in out.iter_mut().enumerate() {
-                    *p = T::from_lanes(|k| drives[k].input.pressure(places[k], j));
-                }
+        let (mut at, mut weights) = ([0; MOST_LANES], [0.0; MOST_LANES]);
+        for (k, place) in places.iter().enumerate() {
+            (at[k], weights[k]) = *place;
+        }
+        if at != self.at {
+            self.at = at;
+            self.fetch();
+        }
+        let weight = if self.each.len() == 1 { T::from_f64(weights[0]) } else { T::from_lanes(|k| weights[k]) };
+        for ((p, from), rise) in out.iter_mut().zip(&self.from).zip(&self.rise) {
+            *p = rise.mul_add(weight, *from);
+        }
+    }
+
+    /// Fetches the samples that the inputs stand at.
+    #[inline(always)]
+    fn fetch(&mut self) {
+        let Self { each, at, from, rise, .. } = self;
+        for (j, (from, rise)) in from.iter_mut().zip(rise).enumerate() {
+            if let [drive] = each.as_slice() {
+                let (a, b) = drive.input.segment(at[0], j);
+                (*from, *rise) = (T::from_f64(a), T::from_f64(b));
+            } else {
+                *from = T::from_lanes(|k| each[k].input.segment(at[k], j).0);
+                *rise = T::from_lanes(|k| each[k].input.segment(at[k], j).1);
             }
         }
     }
 
     /// The forces at `t`.
     #[inline(always)]
-    pub fn forces<T: Real>(&mut self, t: f64, before: bool, out: &mut [Vec3<T>]) {
+    pub fn forces(&mut self, t: f64, before: bool, out: &mut [Vec3<T>]) {
         let places = self.places([t; MOST_LANES], [before; MOST_LANES]);
         let single = self.each.len() == 1;
         for (i, f) in out.iter_mut().enumerate() {
@@ -123,7 +143,7 @@ fn each_lane<T: Real>(t: T) -> [f64; MOST_LANES] {
     out
 }
 
-impl<T: Real> Upstream<T> for Drives {
+impl<T: Real> Upstream<T> for Drives<T> {
     #[inline(always)]
     fn read(&mut self, t: T, end: f64, out: &mut [T]) {
         let t = each_lane(t);

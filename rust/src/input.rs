@@ -154,6 +154,14 @@ impl Input {
         if w == 0.0 { a } else { a + w * (self.pressures[(k + 1) * n + channel] - a) }
     }
 
+    /// Pressure `channel` of sample `k`, and how much it rises to the next one; by nothing after the last.
+    #[inline(always)]
+    pub fn segment(&self, k: usize, channel: usize) -> (f64, f64) {
+        let n = self.pressure_count;
+        let a = self.pressures[k * n + channel];
+        (a, self.pressures.get((k + 1) * n + channel).map_or(0.0, |b| b - a))
+    }
+
     /// Pressure `channel` at a time that may differ from lane to lane or carry derivatives: a sum over the pieces it may lie
     /// in.
     #[inline(always)]

@@ -24,7 +24,7 @@ use std::sync::Arc;
 pub struct Plant<T = f64> {
     /// The arm, or the arms abreast.
     pub arm: Arc<Arm<T>>,
-    drives: Drives,
+    drives: Drives<T>,
     ws: Workspace<T>,
     pressures: Vec<T>,
     /// Time of the pressures, and whether from the left.

@@ -108,6 +108,7 @@ impl Register for Avx2 {
         #[target_feature(enable = "avx2,fma")]
         #[inline(never)]
         fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            super::Aligned::keep();
             kernel.run()
         }
         assert!(InstructionSet::Avx2.is_available(), "this processor lacks the instruction set avx2,fma");

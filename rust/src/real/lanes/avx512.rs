@@ -96,6 +96,7 @@ impl Register for Avx512 {
         #[target_feature(enable = "avx512f,avx2,fma")]
         #[inline(never)]
         fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            super::Aligned::keep();
             kernel.run()
         }
         assert!(InstructionSet::Avx512.is_available(), "this processor lacks the instruction set avx512f,avx2,fma");

@@ -164,6 +164,23 @@ pub trait Register: Copy + Debug + Send + Sync + 'static {
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 }
 
+/// A place on the stack as aligned as the widest register.
+///
+/// A kernel's function keeps one, so that the compiler aligns its whole frame: it would notice only when it spills
+/// registers that it should have, too late to do so, and every other spill would cross two cache lines.
+#[cfg(target_arch = "x86_64")]
+#[repr(align(64))]
+struct Aligned(#[allow(dead_code)] u8);
+
+#[cfg(target_arch = "x86_64")]
+impl Aligned {
+    /// Asks for the place.
+    #[inline(always)]
+    fn keep() {
+        std::hint::black_box(&Self(0));
+    }
+}
+
 /// 2^52, from which on doubles are whole numbers.
 const TWO_52: f64 = 4_503_599_627_370_496.0;
 
