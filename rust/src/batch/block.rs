@@ -314,7 +314,7 @@ mod tests {
         let arms = [
             arm(Vec::new()),
             arm(effect("pressure_lag", &[("fill", 0.1), ("vent", 0.2)], None)),
-            arm(effect("formula", &[], Some("sin(t)"))),
+            arm(effect("formula", &[], Some("0.1 * t"))),
             delay(0.01),
             delay(0.02),
         ];

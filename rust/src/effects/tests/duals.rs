@@ -9,6 +9,7 @@ use crate::effects::sensors::Sensors;
 use crate::effects::{EffectState, KINDS, PlaceKind};
 use crate::input::{Input, Interpolation};
 use crate::real::{Dual, Real};
+use std::sync::Arc;
 
 fn lift<T: Real>(x: &[f64]) -> Vec<T> {
     x.iter().map(|&v| T::from_f64(v)).collect()

@@ -79,8 +79,8 @@ pub(super) fn ln<R: Register>(x: Lanes<R>) -> Lanes<R> {
 #[inline(always)]
 pub(super) fn tanh<R: Register>(x: Lanes<R>) -> Lanes<R> {
     let xx = x * x;
-    let p = polynomial([-9.643_991_794_250_523e-1, -9.928_772_310_019_186e1, -1.614_687_684_417_08e3], xx);
-    let q = polynomial([1.0, 1.128_116_784_916_329_3e2, 2.235_488_391_001_004_5e3, 4.844_063_053_251_255e3], xx);
+    let p = polynomial([-9.643_991_794_250_523e-1, -9.928_772_310_019_186e1, -1.614_687_684_417_084_5e3], xx);
+    let q = polynomial([1.0, 1.128_116_784_916_329_3e2, 2.235_488_390_601_004_5e3, 4.844_063_053_251_255e3], xx);
     let near = (x * xx).mul_add(p / q, x);
     let size = x.abs();
     let far = Lanes::one() - Lanes::from_f64(2.0) / (exp(size * 2.0) + 1.0);
