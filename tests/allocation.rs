@@ -100,7 +100,7 @@ fn no_derivative_allocates() {
     let arm = arm();
     let n = arm.coordinates();
     let (q, qd, p) = (vec![0.2; n], vec![0.1; n], vec![1.1e5; arm.inputs]);
-    let mut run = differentiator(&arm, &[]);
+    let mut run = differentiator(&arm, &[], InstructionSet::best());
     let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (2 * n + arm.inputs)]);
     let point = Point { q: &q, qd: &qd, p: &p, f_ext: None };
     assert_eq!(count(|| run.run(point, &mut qdd, &mut out)), 0);

@@ -91,6 +91,64 @@ def test_lanes_agree_with_single_members(arm: bha.Arm, instruction_set: str, int
         np.testing.assert_allclose(other, one, rtol=0, atol=1e-12 * np.abs(one).max(), err_msg=name)
 
 
+PRESSURE_EFFECTS = {
+    "lag": [{"kind": "pressure_lag", "where": "all", "fill": 0.02, "vent": 0.05}],
+    "delay": [{"kind": "delay", "where": "all", "time": 0.011}, {"kind": "delay", "where": "input p12", "time": 0.004}],
+    "dead band": [{"kind": "valve_dead_band", "where": "all", "band": 2e3}],
+    "gain, offset": [
+        {"kind": "pressure_gain", "where": "all", "gain": 0.03},
+        {"kind": "pressure_offset", "where": "input p21", "offset": -500.0},
+    ],
+    "chain": [
+        {"kind": "delay", "where": "input p11", "time": 0.007},
+        {"kind": "pressure_gain", "where": "input p13", "gain": -0.02},
+        {"kind": "valve_dead_band", "where": "section 2", "band": 1e3},
+        {"kind": "pressure_lag", "where": "all", "fill": 0.03, "vent": 0.02},
+        {"kind": "pressure_lag", "where": "input p31", "fill": 0.004, "vent": 0.1},
+    ],
+}
+
+
+@pytest.mark.parametrize("instruction_set", LANES)
+@pytest.mark.parametrize("pneumatics", ["ideal", "full"])
+@pytest.mark.parametrize("effects", PRESSURE_EFFECTS)
+def test_effects_on_pressures_abreast(arm: bha.Arm, effects: str, pneumatics: str, instruction_set: str) -> None:
+    """Every lane goes through the samples of its own input: at times of their own, from starts of their own."""
+    arm = arm.with_changes(pneumatics=pneumatics).with_effects(PRESSURE_EFFECTS[effects])
+    rng = np.random.default_rng(7)
+    count = 11
+    inputs = []
+    for k in range(count):
+        time = np.sort(rng.uniform(0.0, 0.12, 20 + k))
+        inputs.append(bha.Input(time, 101_325.0 + rng.uniform(0.0, 0.8e5, (time.size, 9))))
+    start = rng.uniform(0.0, 0.05, count)
+    arguments = {"times": start[:, None] + np.array([0.0, 0.003, 0.05]), "start": start}
+    alone = bha.simulate_batch(arm, inputs, rests(arm, count), instruction_set="scalar", **arguments)
+    abreast = bha.simulate_batch(arm, inputs, rests(arm, count), instruction_set=instruction_set, **arguments)
+    assert alone.succeeded.all()
+    assert abreast.succeeded.all()
+    for name in ("lengths", "velocities"):
+        one, other = getattr(alone, name), getattr(abreast, name)
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-12 * np.abs(one).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("instruction_set", LANES)
+@pytest.mark.parametrize("effects", [(), PRESSURE_EFFECTS["delay"], PRESSURE_EFFECTS["lag"]])
+def test_different_steps_at_the_same_times_abreast(arm: bha.Arm, effects: list, instruction_set: str) -> None:
+    """Held commands that jump together: steps end there, and at the delayed jumps too."""
+    arm = arm.with_effects(effects)
+    rng = np.random.default_rng(8)
+    time = np.array([0.0, 0.0123, 0.04])
+    inputs = [bha.Input(time, 101_325.0 + rng.uniform(0.0, 0.8e5, (3, 9))) for _ in range(9)]
+    arguments = {"times": [0.0, 0.02, 0.07], "interpolation": "hold"}
+    alone = bha.simulate_batch(arm, inputs, rests(arm, 9), instruction_set="scalar", **arguments)
+    abreast = bha.simulate_batch(arm, inputs, rests(arm, 9), instruction_set=instruction_set, **arguments)
+    np.testing.assert_array_equal(abreast.statistics, alone.statistics)
+    for name in ("lengths", "velocities"):
+        one, other = getattr(alone, name), getattr(abreast, name)
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-12 * np.abs(one).max(), err_msg=name)
+
+
 @pytest.mark.parametrize("instruction_set", LANES)
 def test_a_diverged_lane_disturbs_nobody(arm: bha.Arm, instruction_set: str) -> None:
     states = rests(arm, 9)

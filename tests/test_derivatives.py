@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bha
+from bha import _core
 from bha.parameters import paths
 
 Array = NDArray[np.float64]
@@ -81,6 +82,29 @@ def test_by_state_and_pressure(name: str) -> None:
             expected = np.column_stack([along(first + k, reach) for k in range(block.shape[1])])
             rounding = 1e-13 * size / reach
             np.testing.assert_allclose(block, expected, rtol=0, atol=1e-9 * np.abs(block).max() + rounding)
+
+
+#: More than one pass takes; all of them move every arm above.
+SOME_PARAMETERS = ("gravity.x", "gravity.z", "section.1.mass", "section.1.stiffness.1", "section.2.head_offset")
+SOME_PARAMETERS += ("section.2.damping", "section.2.center_of_mass.x", "section.3.terminal_area")
+SOME_PARAMETERS += ("section.3.base_offset", "section.3.bending_stiffness.1", "section.3.stiffness.2")
+
+
+@pytest.mark.parametrize("instruction_set", [s for s in _core.instruction_sets() if s != "scalar"])
+@pytest.mark.parametrize("name", list(arms()))
+def test_the_same_with_every_instruction_set(name: str, instruction_set: str) -> None:
+    arm = arms()[name].with_effects(
+        [*arms()[name].parameters.effects, {"kind": "pressure_gain", "where": "all", "gain": 0.02}]
+    )
+    differences = [bha.derivatives.difference_arms(arm, path) for path in SOME_PARAMETERS]
+    scalar = _core.Differentiator(arm, differences, "scalar")
+    abreast = _core.Differentiator(arm, differences, instruction_set)
+    rng = np.random.default_rng(4)
+    for q, qd, p in states(arm, 2):
+        f_ext = rng.uniform(-1.0, 1.0, (arm.section_count, 3))
+        for found, expected in zip(abreast(q, qd, p, f_ext), scalar(q, qd, p, f_ext), strict=True):
+            size = np.abs(expected).max(axis=-1, keepdims=True)
+            assert (np.abs(found - expected) <= 1e-12 * size).all()
 
 
 @pytest.mark.parametrize("name", ["nominal", "effects"])

@@ -79,6 +79,9 @@ impl Real for Counting {
     fn exp(self) -> Self {
         done(10, self.0.exp())
     }
+    fn ln(self) -> Self {
+        done(10, self.0.ln())
+    }
     fn tanh(self) -> Self {
         done(10, self.0.tanh())
     }

@@ -65,12 +65,12 @@ impl AnyLanes for Throughput<'_> {
 }
 
 /// Seconds of all derivatives by states and inputs.
-fn derivatives(arm: &Arm) -> f64 {
+fn derivatives(arm: &Arm, set: InstructionSet) -> f64 {
     let n = arm.coordinates();
     let q: Vec<f64> = (0..n).map(|k| 0.2 + 0.01 * (k * 5 % 7) as f64).collect();
     let qd: Vec<f64> = (0..n).map(|k| 0.1 - 0.02 * k as f64).collect();
     let p = vec![1.2e5; arm.inputs];
-    let mut run = differentiator(arm, &[]);
+    let mut run = differentiator(arm, &[], set);
     let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (2 * n + arm.inputs)]);
     shortest(|| run.run(Point { q: black_box(&q), qd: &qd, p: &p, f_ext: None }, &mut qdd, black_box(&mut out)))
 }
@@ -143,5 +143,7 @@ fn main() {
             100.0 * flops / state / peak
         );
     }
-    println!("all derivatives by states and inputs: {:.1} us", derivatives(&arm) * 1e6);
+    for set in InstructionSet::ALL.into_iter().filter(|s| s.is_available()) {
+        println!("all derivatives by states and inputs, {}: {:.2} us", set.name(), derivatives(&arm, set) * 1e6);
+    }
 }

@@ -162,7 +162,12 @@ class Simulation:
 
 @final
 class Differentiator:
-    def __new__(cls, arm: Arm, differences: Sequence[tuple[Sequence[Arm], Sequence[float]]] = ...) -> Self: ...
+    def __new__(
+        cls,
+        arm: Arm,
+        differences: Sequence[tuple[Sequence[Arm], Sequence[float]]] = ...,
+        instruction_set: str | None = None,
+    ) -> Self: ...
     def __call__(
         self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...

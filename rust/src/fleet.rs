@@ -19,7 +19,7 @@ use crate::integrate::{Integrator, Method, Options, System};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::plant::Plant;
 use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
-use crate::real::{Kernel, Real};
+use crate::real::{Kernel, Real, all_finite};
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -99,7 +99,7 @@ impl Fleet {
             .num_threads(threads)
             .build()
             .map_err(|e| Error::Input(format!("threads: {threads}; {e}")))?;
-        if PressureChain::new(arm, &History::new(0.0, start.p), 0.0).is_some() {
+        if PressureChain::new(arm, &mut History::new(0.0, start.p), 0.0).is_some() {
             return Err(Error::Input(
                 "this arm has effects on pressures, which environments that are reset one by one do not support; take them \
                  away with with_effects"
@@ -244,7 +244,7 @@ impl<T: Real> System<T> for Guard<T> {
     #[inline(always)]
     fn inspect(&mut self, _t0: f64, x1: &mut [T]) -> Option<String> {
         // The rest of the step of a lane that failed is of no use to anyone; it only must stay finite.
-        if !x1.iter().all(|x| x.is_finite()) || self.plant.objection(x1).is_some() {
+        if !all_finite(x1) || self.plant.objection(x1).is_some() {
             self.failed = true;
         }
         None

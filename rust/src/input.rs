@@ -101,9 +101,9 @@ impl Input {
         self.force_count
     }
 
-    /// Whether a channel jumps at any time.
-    pub fn has_jumps(&self) -> bool {
-        !self.jumps.is_empty()
+    /// The times at which a channel jumps, ascending.
+    pub fn jumps(&self) -> &[f64] {
+        &self.jumps
     }
 
     /// First sample time.
@@ -152,6 +152,14 @@ impl Input {
         let n = self.pressure_count;
         let a = self.pressures[k * n + channel];
         if w == 0.0 { a } else { a + w * (self.pressures[(k + 1) * n + channel] - a) }
+    }
+
+    /// Pressure `channel` of sample `k`, and how much it rises to the next one; by nothing after the last.
+    #[inline(always)]
+    pub fn segment(&self, k: usize, channel: usize) -> (f64, f64) {
+        let n = self.pressure_count;
+        let a = self.pressures[k * n + channel];
+        (a, self.pressures.get((k + 1) * n + channel).map_or(0.0, |b| b - a))
     }
 
     /// Pressure `channel` at a time that may differ from lane to lane or carry derivatives: a sum over the pieces it may lie

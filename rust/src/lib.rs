@@ -31,6 +31,7 @@ pub mod arm;
 pub mod batch;
 pub mod closed_loop;
 pub mod control;
+pub mod drives;
 pub mod dynamics;
 pub mod effects;
 pub mod error;

@@ -25,8 +25,8 @@ impl<T: Real> Vec3<T> {
     }
     /// A constant vector.
     #[inline(always)]
-    pub fn from_f64(v: [f64; 3]) -> Self {
-        Self(v.map(T::from_f64))
+    pub fn from_f64([x, y, z]: [f64; 3]) -> Self {
+        Self([T::from_f64(x), T::from_f64(y), T::from_f64(z)])
     }
     /// First component.
     #[inline(always)]
@@ -141,6 +141,11 @@ impl<T: Real> Mat3<T> {
     pub fn identity() -> Self {
         let (o, i) = (T::zero(), T::one());
         Self([[i, o, o], [o, i, o], [o, o, i]])
+    }
+    /// A constant matrix.
+    #[inline(always)]
+    pub fn from_f64([a, b, c]: [[f64; 3]; 3]) -> Self {
+        Self([Vec3::from_f64(a).0, Vec3::from_f64(b).0, Vec3::from_f64(c).0])
     }
     /// The matrix of the vector product, `cross_matrix(a) b = a x b`.
     #[inline(always)]

@@ -1,12 +1,13 @@
 //! The arm as a system of differential equations under its inputs: x = (q, q').
 
 use crate::arm::Arm;
+use crate::drives::Drives;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
-use crate::effects::upstream::History;
-use crate::input::{Cursor, Input};
+use crate::effects::upstream::{History, Upstream};
+use crate::input::Input;
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::coordinates::arc_from_lengths;
@@ -14,9 +15,6 @@ use crate::linear::Vec3;
 use crate::pneumatics::{Chambers, LONGEST_STEP};
 use crate::real::{Real, kernel};
 use std::sync::Arc;
-
-/// Most lanes of any scalar.
-const MOST_LANES: usize = 8;
 
 /// An arm under an input, or several abreast.
 ///
@@ -26,7 +24,7 @@ const MOST_LANES: usize = 8;
 pub struct Plant<T = f64> {
     /// The arm, or the arms abreast.
     pub arm: Arc<Arm<T>>,
-    drives: Vec<Drive>,
+    drives: Drives<T>,
     ws: Workspace<T>,
     pressures: Vec<T>,
     /// Time of the pressures, and whether from the left.
@@ -48,15 +46,6 @@ pub struct Plant<T = f64> {
     begun: bool,
 }
 
-/// An input and where its readers stand.
-#[derive(Clone, Debug)]
-struct Drive {
-    input: Arc<Input>,
-    /// Its clock minus the plant's, s.
-    offset: f64,
-    cursor: Cursor,
-}
-
 impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
@@ -64,11 +53,9 @@ impl<T: Real> Plant<T> {
     }
 
     /// The plant of arms abreast, each under its own input: `inputs[k]` drives lane `k` (the only one all lanes) with its
-    /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none. Arms with effects on
-    /// pressures need one input, and its own clock.
+    /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none.
     pub fn abreast(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
-        let cursor = Cursor::default();
-        let drives = inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor }).collect();
+        let drives = Drives::new(inputs);
         let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
         Self {
             arm,
@@ -127,7 +114,7 @@ impl<T: Real> Plant<T> {
     /// Whether there are external forces.
     #[inline(always)]
     fn has_forces(&self) -> bool {
-        self.drives[0].input.has_forces()
+        self.drives.has_forces()
     }
 
     /// Whether sensors of lengths are modelled.
@@ -142,14 +129,14 @@ impl<T: Real> Plant<T> {
         if self.chambers.is_some() || self.held.is_some() {
             let mut p = self.pressures.clone();
             self.chamber_pressures_into(t, &x[..x.len() / 2], &mut p);
-            let mut history = History::new(t, &p);
-            self.chain = PressureChain::new(&self.arm, &history, t);
+            let mut history = History::new(t, &p).on_clock(self.drives.clock());
+            self.chain = PressureChain::new(&self.arm, &mut history, t);
             if let Some(chain) = &self.chain {
                 history.reach(chain.horizon());
                 self.history = Some(history);
             }
         } else {
-            self.chain = PressureChain::new(&self.arm, &*self.drives[0].input, t);
+            self.chain = PressureChain::new(&self.arm, &mut self.drives, t);
         }
         self.sensors = Sensors::new(&self.arm, t, x);
     }
@@ -179,27 +166,27 @@ impl<T: Real> Plant<T> {
     fn commands_into(&mut self, t: f64, before: bool, out: &mut [T]) {
         match &self.held {
             Some(held) => out.copy_from_slice(held),
-            None => commands(&mut self.drives, t, before, out),
+            None => self.drives.pressures(t, before, out),
         }
     }
 
     /// Reads the inputs at `t` into the work space; `q` are the lengths then.
     #[inline(always)]
     fn read_input(&mut self, t: f64, q: &[T]) {
-        let before = t >= self.step_end;
+        let before = self.drives.has_jumps() && t >= self.step_end;
         let again = self.read == (t, before);
         self.read = (t, before);
         if !again && self.has_forces() {
-            forces(&mut self.drives, t, before, &mut self.ws.external);
+            self.drives.forces(t, before, &mut self.ws.external);
         }
         // Only pressures of chambers depend on the lengths; those that effects act on are predicted.
         if again && (self.chambers.is_none() || self.chain.is_some()) {
             return;
         }
         let mut pressures = std::mem::take(&mut self.pressures);
-        match (&mut self.chain, &self.history) {
+        match (&mut self.chain, &mut self.history) {
             (Some(chain), Some(history)) => chain.acting(&self.arm, history, t, &mut pressures),
-            (Some(chain), None) => chain.acting(&self.arm, &*self.drives[0].input, t, &mut pressures),
+            (Some(chain), None) => chain.acting(&self.arm, &mut self.drives, t, &mut pressures),
             (None, _) => self.chamber_pressures_into(t, q, &mut pressures),
         }
         self.pressures = pressures;
@@ -246,47 +233,6 @@ impl<T: Real> Plant<T> {
     }
 }
 
-/// Where each lane's input stands at `t`.
-#[inline(always)]
-fn places(drives: &mut [Drive], t: f64, before: bool) -> [(usize, f64); MOST_LANES] {
-    let mut places = [(0, 0.0); MOST_LANES];
-    for (place, drive) in places.iter_mut().zip(drives.iter_mut()) {
-        *place = drive.input.weight(t + drive.offset, before, &mut drive.cursor);
-    }
-    places
-}
-
-/// The inputs' pressures at `t`.
-#[inline(always)]
-fn commands<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [T]) {
-    let places = places(drives, t, before);
-    if let [drive] = drives {
-        for (j, p) in out.iter_mut().enumerate() {
-            *p = T::from_f64(drive.input.pressure(places[0], j));
-        }
-    } else {
-        for (j, p) in out.iter_mut().enumerate() {
-            *p = T::from_lanes(|k| drives[k].input.pressure(places[k], j));
-        }
-    }
-}
-
-/// The inputs' forces at `t`.
-#[inline(always)]
-fn forces<T: Real>(drives: &mut [Drive], t: f64, before: bool, out: &mut [Vec3<T>]) {
-    let places = places(drives, t, before);
-    let single = drives.len() == 1;
-    for (i, f) in out.iter_mut().enumerate() {
-        for (c, f) in f.0.iter_mut().enumerate() {
-            *f = if single {
-                T::from_f64(drives[0].input.force(places[0], 3 * i + c))
-            } else {
-                T::from_lanes(|k| drives[k].input.force(places[k], 3 * i + c))
-            };
-        }
-    }
-}
-
 impl<T: Real> System<T> for Plant<T> {
     #[inline(always)]
     fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
@@ -312,15 +258,29 @@ impl<T: Real> System<T> for Plant<T> {
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        let next = |d: &Drive| d.input.next_jump(t + d.offset) - d.offset;
-        let jump = self.drives.iter().map(next).fold(f64::INFINITY, f64::min);
+        let jump = self.drives.next_jump(t);
         match (&self.chain, &self.history) {
-            (Some(chain), None) => jump.min(chain.next_jump(&*self.drives[0].input, t)),
+            (Some(chain), None) => jump.min(chain.next_jump(&self.drives, t)),
             _ => jump,
         }
     }
 
+    #[inline(always)]
     fn objection(&self, x: &[T]) -> Option<String> {
+        let mut margin = T::one();
+        for (i, section) in self.arm.sections.iter().enumerate() {
+            let [u, v, l] = arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), section.inverse_radius).0;
+            margin = margin.min(-(u * u + v * v) + PSI_MAX * PSI_MAX).min(l);
+        }
+        if margin.smallest() > 0.0 { None } else { self.reason(x) }
+    }
+}
+
+impl<T: Real> Plant<T> {
+    /// Which section is beyond what the model allows, if one is.
+    #[cold]
+    #[inline(never)]
+    fn reason(&self, x: &[T]) -> Option<String> {
         for (i, section) in self.arm.sections.iter().enumerate() {
             let [u, v, l] = arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), section.inverse_radius).0;
             if (u * u + v * v).largest() > PSI_MAX * PSI_MAX {
@@ -347,9 +307,9 @@ impl<T: Real> Plant<T> {
         }
         self.begin_chambers(t0, t1, x0);
         self.begin_history(t0, t1);
-        match (&mut self.chain, &self.history) {
+        match (&mut self.chain, &mut self.history) {
             (Some(chain), Some(history)) => chain.begin_step(&self.arm, history, t0, t1),
-            (Some(chain), None) => chain.begin_step(&self.arm, &*self.drives[0].input, t0, t1),
+            (Some(chain), None) => chain.begin_step(&self.arm, &mut self.drives, t0, t1),
             (None, _) => {}
         }
         self.ws.effects.begin_step(&self.arm, t0, x0);
@@ -363,7 +323,7 @@ impl<T: Real> Plant<T> {
                 chain.end_step(&self.arm, history, t1);
                 history.end_step();
             }
-            (Some(chain), None) => chain.end_step(&self.arm, &*self.drives[0].input, t1),
+            (Some(chain), None) => chain.end_step(&self.arm, &mut self.drives, t1),
             (None, _) => {}
         }
         if let Some(chambers) = &mut self.chambers {

@@ -6,14 +6,14 @@
 use super::{Batch, Member, Slot};
 use crate::abreast::{abreast, same_structure};
 use crate::arm::Arm;
-use crate::effects::{Entry, poses};
+use crate::effects::poses;
 use crate::error::Error;
 use crate::integrate::{Integrator, NOT_FINITE, System};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::linear::Vec3;
 use crate::plant::Plant;
 use crate::real::lanes::AnyLanes;
-use crate::real::{Kernel, Real};
+use crate::real::{Kernel, Real, all_finite};
 use crate::simulate::initial_state;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -22,30 +22,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Whether two members take the same steps and can so be abreast: the same output times after their start, and jumps of
 /// the input, where there are any, at the same times.
 pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bool {
-    let same_clock = a.start == b.start && a.input == b.input;
+    let (arms, inputs) = ((&batch.arms[a.arm], &batch.arms[b.arm]), (&batch.inputs[a.input], &batch.inputs[b.input]));
     let same_times = a.times.len() == b.times.len()
         && a.times.iter().zip(b.times).all(|(s, t)| {
             let (s, t) = (s - a.start, t - b.start);
             (s - t).abs() <= 1e-12 * (s.abs() + a.start.abs() + b.start.abs())
         });
-    let free = |m: &Member<'_>| {
-        let timeless = batch.arms[m.arm].effects.list.iter().all(|e| e.definition.program.is_none());
-        timeless && !batch.inputs[m.input].has_jumps() && !shapes_pressures(&batch.arms[m.arm])
-    };
-    let delayed = |m: &Member<'_>| {
-        let (effects, inputs) = (&batch.arms[m.arm].effects.list, batch.arms[m.arm].inputs);
-        effects.iter().any(|e| (0..inputs).any(|j| e.kind.input_delay(j).is_some()))
-    };
-    let same_forces = batch.inputs[a.input].force_count() == batch.inputs[b.input].force_count();
-    same_times
-        && (same_clock || same_forces && free(a) && free(b))
-        && (a.arm == b.arm || !delayed(a) && same_structure(&batch.arms[a.arm], &batch.arms[b.arm]))
-}
-
-/// Whether effects act on the pressures of an arm: they follow one input on its own clock.
-fn shapes_pressures(arm: &Arm) -> bool {
-    let delayed = |e: &Entry<f64>| (0..arm.inputs).any(|j| e.kind.input_delay(j).is_some());
-    arm.effects.list.iter().any(|e| e.kind.shapes_pressures() || delayed(e))
+    // Where starts differ, the block's clock is nobody's: nothing may ask what time it is.
+    let timeless = |arm: &Arm| arm.effects.list.iter().all(|e| e.definition.program.is_none());
+    let same_clock = a.start == b.start
+        || timeless(arms.0) && timeless(arms.1) && inputs.0.jumps().is_empty() && inputs.1.jumps().is_empty();
+    let same_input =
+        a.input == b.input || inputs.0.force_count() == inputs.1.force_count() && inputs.0.jumps() == inputs.1.jumps();
+    // Jumps come later by the arm's own delays.
+    let delayed = |arm: &Arm| arm.effects.list.iter().any(|e| (0..arm.inputs).any(|j| e.kind.input_delay(j).is_some()));
+    same_times && same_clock && same_input && (a.arm == b.arm || !delayed(arms.0) && same_structure(arms.0, arms.1))
 }
 
 /// Some members, with where their results go.
@@ -105,17 +96,17 @@ fn run_abreast<'m, T: Real>(
 ) {
     let used = members.len();
     let first = members[0].0;
-    let shared = members.iter().all(|(m, _)| m.start == first.start && m.input == first.input);
+    let same_input = members.iter().all(|(m, _)| m.start == first.start && m.input == first.input);
     let arms: Vec<&Arm> = members.iter().map(|(m, _)| &*batch.arms[m.arm]).collect();
     let arm = Arc::new(if arms.iter().all(|a| std::ptr::eq(*a, arms[0])) { arms[0].lift() } else { abreast(&arms) });
     let x0: Vec<T> = (0..states[0].len()).map(|j| T::from_lanes(|k| states[k.min(used - 1)][j])).collect();
-    // On the first member's clock where all share it, else on one that starts at 0.
+    // On the members' own clock where all start at the same time, else on one that starts at 0.
+    let start = if members.iter().all(|(m, _)| m.start == first.start) { first.start } else { 0.0 };
     let drive = |k: usize| {
         let member = members[k.min(used - 1)].0;
-        (batch.inputs[member.input].clone(), if shared { 0.0 } else { member.start })
+        (batch.inputs[member.input].clone(), member.start - start)
     };
-    let inputs = (0..if shared { 1 } else { T::LANES }).map(drive).collect();
-    let start = if shared { first.start } else { 0.0 };
+    let inputs = (0..if same_input { 1 } else { T::LANES }).map(drive).collect();
     let times: Vec<f64> = first.times.iter().map(|t| t - first.start + start).collect();
     let plant = Plant::abreast(arm.clone(), inputs).with_pneumatics(start, &x0[..arm.coordinates()]);
     let options = plant.suited(batch.options);
@@ -285,11 +276,78 @@ impl<T: Real> System<T> for Parking<T> {
         if self.any {
             self.park(x1);
         }
-        if x1.iter().all(|x| x.is_finite()) && self.plant.objection(x1).is_none() {
+        if all_finite(x1) && self.plant.objection(x1).is_none() {
             return None;
         }
         self.find(t0, x1);
         self.park(x1);
         self.failures.iter().all(Option::is_some).then(|| "no lane can go on".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::batch::Channels;
+    use crate::dynamics::testing::fixed_parameters;
+    use crate::effects::EffectParameters;
+    use crate::input::{Input, Interpolation};
+    use crate::integrate::Options;
+    use crate::real::InstructionSet;
+
+    fn input(times: &[f64], first: f64, interpolation: Interpolation) -> Arc<Input> {
+        let pressures = (0..3 * times.len()).map(|k| 1e5 + 1e3 * (first + k as f64)).collect();
+        Arc::new(Input::new(times.to_vec(), (pressures, 3), (Vec::new(), 0), interpolation).unwrap())
+    }
+
+    #[test]
+    fn members_share_a_block_unless_steps_or_clocks_differ() {
+        let parameters = fixed_parameters(1);
+        let effect = |kind: &str, numbers: &[(&str, f64)], force: Option<&str>| {
+            let parameters = numbers.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
+            let (kind, place) = (kind.to_owned(), "all".to_owned());
+            vec![EffectParameters { kind, place, parameters, force: force.map(str::to_owned) }]
+        };
+        let arm =
+            |effect| Arc::new(Arm::new(&crate::parameters::ArmParameters { effect, ..parameters.clone() }).unwrap());
+        let delay = |time| arm(effect("delay", &[("time", time)], None));
+        let arms = [
+            arm(Vec::new()),
+            arm(effect("pressure_lag", &[("fill", 0.1), ("vent", 0.2)], None)),
+            arm(effect("formula", &[], Some("0.1 * t"))),
+            delay(0.01),
+            delay(0.02),
+        ];
+        let inputs = [
+            input(&[0.0, 1.0], 0.0, Interpolation::Linear),
+            input(&[0.0, 0.3, 1.0], 3.0, Interpolation::Linear),
+            input(&[0.0, 0.5], 0.0, Interpolation::Hold),
+            input(&[0.0, 0.5], 5.0, Interpolation::Hold),
+            input(&[0.0, 0.6], 0.0, Interpolation::Hold),
+        ];
+        const NOW: &[f64] = &[0.0, 0.1];
+        const LATER: &[f64] = &[0.2, 0.3];
+        let batch = Batch {
+            arms: &arms,
+            inputs: &inputs,
+            members: &[],
+            options: Options::default(),
+            channels: Channels::default(),
+            instruction_set: InstructionSet::Scalar,
+        };
+        let member = |arm, input, times: &'static [f64]| Member { arm, input, start: times[0], state: None, times };
+        let share = |a: Member<'_>, b: Member<'_>| can_share(&batch, &a, &b) && can_share(&batch, &b, &a);
+        for arm in 0..arms.len() {
+            // Other inputs; formulas of time and jumps allow no other clock.
+            assert!(share(member(arm, 0, NOW), member(arm, 1, NOW)), "{arm}");
+            assert_eq!(share(member(arm, 0, NOW), member(arm, 1, LATER)), arm != 2, "{arm}");
+            assert!(share(member(arm, 2, NOW), member(arm, 3, NOW)), "{arm}");
+            assert!(!share(member(arm, 2, NOW), member(arm, 2, LATER)), "{arm}");
+            assert!(!share(member(arm, 2, NOW), member(arm, 4, NOW)), "{arm}");
+        }
+        // Delays put jumps and samples at times of their own; other structures never go together.
+        assert!(!share(member(3, 0, NOW), member(4, 0, NOW)));
+        assert!(!share(member(0, 0, NOW), member(1, 0, NOW)));
+        assert!(!share(member(0, 0, NOW), member(0, 0, &LATER[..1])));
     }
 }

@@ -4,6 +4,7 @@
 
 use crate::arm::Arm;
 use crate::dynamics::derivatives::{Point, differentiator};
+use crate::real::InstructionSet;
 use nalgebra::DMatrix;
 
 /// A (2m x 2m) and B (2m x inputs), m coordinates.
@@ -24,7 +25,7 @@ pub fn linearize(arm: &Arm, q: &[f64], qd: &[f64], p: &[f64]) -> Linearization {
         state[(k, m + k)] = 1.0;
     }
     let (mut qdd, mut rows) = (vec![0.0; m], vec![0.0; m * (2 * m + inputs)]);
-    differentiator(arm, &[]).run(Point { q, qd, p, f_ext: None }, &mut qdd, &mut rows);
+    differentiator(arm, &[], InstructionSet::best()).run(Point { q, qd, p, f_ext: None }, &mut qdd, &mut rows);
     for (direction, row) in rows.chunks_exact(m).enumerate() {
         for (k, d) in row.iter().enumerate() {
             if direction < 2 * m {

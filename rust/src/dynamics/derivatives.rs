@@ -1,23 +1,32 @@
 //! Exact derivatives of forward dynamics by state, pressures and any numbers of the arm.
 //!
-//! Source: forward-mode automatic differentiation of (48) as `recursion` solves it; nothing is differentiated by hand.
-//! One pass takes a block of directions, so that the arm's values are computed once for all of them.
+//! Source: at the accelerations q'' that solve (48) the residual r = tau - M q'' - C q' - N is zero, so that
+//! d q''/dx = M^-1 dr/dx with q'' held: r needs no solution of (48), and M is factored once, in ordinary numbers. This is
+//! what hand-written derivatives rest on, too (Carpentier & Mansard, *Analytical Derivatives of Rigid Body Dynamics
+//! Algorithms*, RSS 2018, (4)); but dr/dx is forward-mode automatic differentiation of the model: nothing is
+//! differentiated by hand.
+//! One pass takes the coordinates and rates of one section. Sections below do not move with them, and sections above only
+//! as bodies: what these are by themselves ([`Local`]) has no derivative.
 //! Limits: those of the model; at kinks of one-sided laws the derivative of the side that is taken.
 
 use super::Workspace;
-use super::recursion::forward_dynamics_into;
+use super::recursion::{Inertial, inertia_forces, left_over, motion_needed, solve};
+use super::terms::inertia_matrix_of;
 use crate::abreast::with_tangents;
 use crate::arm::Arm;
 use crate::effects;
+use crate::forces::{ForceSet, accumulate};
+use crate::kinematics::chain::{Link, Local, pass_again};
 use crate::linear::Vec3;
-#[cfg(all(feature = "lanes", target_arch = "x86_64"))]
-use crate::real::lanes::Avx2;
+#[cfg(feature = "lanes")]
+use crate::real::Lanes;
 #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
 use crate::real::lanes::Neon;
-use crate::real::{Dual, Real};
-#[cfg(feature = "lanes")]
-use crate::real::{InstructionSet, Lanes};
+#[cfg(all(feature = "lanes", target_arch = "x86_64"))]
+use crate::real::lanes::{Avx2, Avx512};
+use crate::real::{Dual, InstructionSet, Kernel, Real};
 use std::fmt::Debug;
+use std::ops::Range;
 
 /// One state to differentiate at.
 #[derive(Clone, Copy, Debug)]
@@ -41,33 +50,113 @@ pub trait Differentiator: Send + Debug {
 
 /// Of `arm` by state and pressures and along `tangents` (derivatives of its numbers, see [`crate::abreast::tangent`]).
 ///
-/// Four directions a pass: in the lanes of one register, where the processor has registers for four, else in the dual number.
-pub fn differentiator(arm: &Arm, tangents: &[Vec<f64>]) -> Box<dyn Differentiator> {
-    #[cfg(all(feature = "lanes", target_arch = "x86_64"))]
-    if InstructionSet::Avx2.is_available() {
-        return Box::new(Lifted::<1, Lanes<Avx2>>::new(arm, tangents));
+/// Eight directions a pass, where `set` has registers for them (and the processor has `set`), else four in ordinary
+/// numbers.
+pub fn differentiator(arm: &Arm, tangents: &[Vec<f64>], set: InstructionSet) -> Box<dyn Differentiator> {
+    match set {
+        #[cfg(all(feature = "lanes", target_arch = "x86_64"))]
+        InstructionSet::Avx512 if set.is_available() => Box::new(Lifted::<1, Lanes<Avx512>>::new(arm, tangents)),
+        #[cfg(all(feature = "lanes", target_arch = "x86_64"))]
+        InstructionSet::Avx2 if set.is_available() => Box::new(Lifted::<2, Lanes<Avx2>>::new(arm, tangents)),
+        #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
+        InstructionSet::Neon if set.is_available() => Box::new(Lifted::<2, Lanes<Neon>>::new(arm, tangents)),
+        _ => Box::new(Lifted::<4, f64>::new(arm, tangents)),
     }
-    #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
-    if InstructionSet::Neon.is_available() {
-        return Box::new(Lifted::<1, Lanes<Neon>>::new(arm, tangents));
-    }
-    Box::new(Lifted::<4, f64>::new(arm, tangents))
 }
 
-/// The arm over dual numbers, with its work space.
+/// The arm in ordinary and in dual numbers, with work space for both.
 #[derive(Debug)]
 struct Lifted<const N: usize, T> {
+    plain: Plain,
     /// Without derivatives, and one for each block of tangents.
-    plain: Arm<Dual<N, T>>,
+    arm: Arm<Dual<N, T>>,
     tangents: Vec<Arm<Dual<N, T>>>,
     tangent_count: usize,
     ws: Workspace<Dual<N, T>>,
-    /// q, q', p, one after the other.
-    x: Vec<Dual<N, T>>,
+    locals: Vec<Local<Dual<N, T>>>,
+    q: Vec<Dual<N, T>>,
+    qd: Vec<Dual<N, T>>,
+    qdd: Vec<Dual<N, T>>,
+    p: Vec<Dual<N, T>>,
     forces: Vec<Vec3<Dual<N, T>>>,
     /// The pressures that act.
     acting: Vec<Dual<N, T>>,
-    qdd: Vec<Dual<N, T>>,
+    residual: Vec<Dual<N, T>>,
+    /// Right-hand sides of one block of lanes.
+    column: Vec<T>,
+}
+
+/// The motion without derivatives.
+#[derive(Debug)]
+struct Plain {
+    arm: Arm,
+    ws: Workspace,
+    locals: Vec<Local<f64>>,
+    acting: Vec<f64>,
+    /// M = L L^T: L row by row, its diagonal inverted.
+    factor: Vec<f64>,
+}
+
+impl Plain {
+    fn new(arm: &Arm) -> Self {
+        let n = arm.coordinates();
+        let locals = vec![Local::zero(); arm.sections.len()];
+        let (acting, factor) = (vec![0.0; arm.inputs], vec![0.0; n * n]);
+        Self { arm: arm.clone(), ws: Workspace::new(arm), locals, acting, factor }
+    }
+
+    /// Forward dynamics into `qdd`, with all that passes with derivatives start from.
+    fn run(&mut self, at: Point<'_>, qdd: &mut [f64]) {
+        let Self { arm, ws, locals, acting, factor } = self;
+        acting.copy_from_slice(at.p);
+        effects::pressures::at_rest(arm, acting);
+        pass_again(arm, at.q, at.qd, motion_needed(arm), 0..arm.sections.len(), locals, &mut ws.links);
+        accumulate(arm, ForceSet::ALL, acting, at.f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
+        solve(arm, ws, qdd);
+        inertia_forces(arm, qdd, 0, &ws.links, &mut ws.inertial);
+        inertia_matrix_of(arm, &ws.links, factor);
+        cholesky(qdd.len(), factor);
+    }
+}
+
+/// L of the symmetric, positive definite `n` x `n` matrix L L^T, in place, row by row; its diagonal inverted.
+fn cholesky(n: usize, matrix: &mut [f64]) {
+    for i in 0..n {
+        let (above, row) = matrix.split_at_mut(i * n);
+        for j in 0..=i {
+            let other = if j < i { &above[j * n..j * n + j] } else { &[] };
+            let mut sum = row[j];
+            for (k, l) in other.iter().enumerate() {
+                sum -= row[k] * l;
+            }
+            if j < i {
+                row[j] = sum * above[j * n + j];
+            } else {
+                sum -= row[..i].iter().map(|l| l * l).sum::<f64>();
+                row[i] = sum.sqrt().recip();
+            }
+        }
+    }
+}
+
+/// Solves L L^T x = b in place, `factor` as [`cholesky`] leaves it.
+#[inline(always)]
+fn substitute<T: Real>(factor: &[f64], x: &mut [T]) {
+    let n = x.len();
+    for i in 0..n {
+        let mut sum = x[i];
+        for j in 0..i {
+            sum = x[j].neg_mul_add(T::from_f64(factor[i * n + j]), sum);
+        }
+        x[i] = sum * factor[i * n + i];
+    }
+    for i in (0..n).rev() {
+        let mut sum = x[i];
+        for j in i + 1..n {
+            sum = x[j].neg_mul_add(T::from_f64(factor[j * n + i]), sum);
+        }
+        x[i] = sum * factor[i * n + i];
+    }
 }
 
 impl<const N: usize, T: Real> Lifted<N, T> {
@@ -75,78 +164,155 @@ impl<const N: usize, T: Real> Lifted<N, T> {
     const WIDTH: usize = N * T::LANES;
 
     fn new(arm: &Arm, tangents: &[Vec<f64>]) -> Self {
-        let plain = arm.lift();
+        let lifted = arm.lift();
         let blocks = tangents.chunks(Self::WIDTH);
         let tangent_arms =
             blocks.map(|b| with_tangents(arm, &b.iter().map(Vec::as_slice).collect::<Vec<_>>())).collect();
-        let n = arm.coordinates();
-        let zero = Dual::zero();
+        let (n, sections, zero) = (arm.coordinates(), arm.sections.len(), Dual::zero());
         Self {
-            ws: Workspace::new(&plain),
-            plain,
+            plain: Plain::new(arm),
+            ws: Workspace::new(&lifted),
+            arm: lifted,
             tangents: tangent_arms,
             tangent_count: tangents.len(),
-            x: vec![zero; 2 * n + arm.inputs],
-            forces: vec![Vec3::zero(); arm.sections.len()],
-            acting: vec![zero; arm.inputs],
+            locals: vec![Local::zero(); sections],
+            q: vec![zero; n],
+            qd: vec![zero; n],
             qdd: vec![zero; n],
+            p: vec![zero; arm.inputs],
+            forces: vec![Vec3::zero(); sections],
+            acting: vec![zero; arm.inputs],
+            residual: vec![zero; n],
+            column: vec![T::zero(); n],
         }
     }
 
-    /// One pass with the derivatives now in `x` and those of the given arm.
-    fn pass(&mut self, tangent: Option<usize>, forces: bool) {
-        let arm = tangent.map_or(&self.plain, |k| &self.tangents[k]);
-        let (q, rest) = self.x.split_at(self.qdd.len());
-        let (qd, p) = rest.split_at(self.qdd.len());
-        self.acting.copy_from_slice(p);
-        effects::pressures::at_rest(arm, &mut self.acting);
-        let (p, f_ext) = (self.acting.as_slice(), forces.then_some(self.forces.as_slice()));
-        forward_dynamics_into(arm, q, qd, p, f_ext, &mut self.ws, &mut self.qdd);
+    /// All numbers of the motion as they are in `plain`, without derivatives.
+    #[inline(always)]
+    fn lift(&mut self, at: Point<'_>, qdd: &[f64]) {
+        let Self { plain, ws, locals, .. } = self;
+        for (to, from) in [(&mut self.q, at.q), (&mut self.qd, at.qd), (&mut self.qdd, qdd), (&mut self.p, at.p)] {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = Dual::from_f64(*from);
+            }
+        }
+        for (to, from) in self.forces.iter_mut().zip(at.f_ext.unwrap_or_default()) {
+            *to = Vec3::from_f64(from.0);
+        }
+        for i in 0..locals.len() {
+            locals[i] = Local::lifted(&plain.locals[i]);
+            ws.links[i] = Link::lifted(&plain.ws.links[i]);
+            ws.inertial[i] = Inertial::lifted(&plain.ws.inertial[i]);
+        }
+        self.act(None);
     }
 
-    /// Rows of the block's first `count` directions.
-    fn store(&self, count: usize, out: &mut [f64]) {
-        for (d, row) in out.chunks_mut(self.qdd.len()).take(count).enumerate() {
-            for (to, from) in row.iter_mut().zip(&self.qdd) {
-                *to = from.along(d);
+    /// The pressures that act under those in `p`.
+    #[inline(always)]
+    fn act(&mut self, tangent: Option<usize>) {
+        let arm = tangent.map_or(&self.arm, |k| &self.tangents[k]);
+        self.acting.copy_from_slice(&self.p);
+        effects::pressures::at_rest(arm, &mut self.acting);
+    }
+
+    /// The residual, with the derivatives now in the coordinates of the sections `own`.
+    #[inline(always)]
+    fn pass(&mut self, tangent: Option<usize>, set: ForceSet, own: Range<usize>) {
+        let arm = tangent.map_or(&self.arm, |k| &self.tangents[k]);
+        let (ws, from) = (&mut self.ws, own.start);
+        if !own.is_empty() {
+            pass_again(arm, &self.q, &self.qd, motion_needed(arm), own, &mut self.locals, &mut ws.links);
+            inertia_forces(arm, &self.qdd, from, &ws.links, &mut ws.inertial);
+        }
+        accumulate(arm, set, &self.acting, Some(&self.forces), &ws.links, &mut ws.effects, &mut ws.loads);
+        left_over(arm, &ws.links, &mut ws.loads, &ws.inertial, &mut self.residual);
+    }
+
+    /// Rows `row(d)` of `out` for the pass's first `count` directions `d`.
+    #[inline(always)]
+    fn store(&mut self, count: usize, row: impl Fn(usize) -> usize, out: &mut [f64]) {
+        let n = self.residual.len();
+        for j in 0..N {
+            for (to, from) in self.column.iter_mut().zip(&self.residual) {
+                *to = from.derivative[j];
             }
+            substitute(&self.plain.factor, &mut self.column);
+            for k in 0..T::LANES.min(count.saturating_sub(j * T::LANES)) {
+                let first = row(j * T::LANES + k) * n;
+                for (to, from) in out[first..first + n].iter_mut().zip(&self.column) {
+                    *to = from.lane(k);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn derivatives(&mut self, at: Point<'_>, qdd: &[f64], out: &mut [f64]) {
+        let (n, inputs, sections) = (self.q.len(), self.p.len(), self.locals.len());
+        let set = ForceSet { external: at.f_ext.is_some(), ..ForceSet::ALL };
+        self.lift(at, qdd);
+        // Pressures move nothing at the moment.
+        for first in (0..inputs).step_by(Self::WIDTH) {
+            let count = Self::WIDTH.min(inputs - first);
+            for j in 0..inputs {
+                self.p[j] = Dual::seeded(at.p[j], |d| f64::from(first + d == j));
+            }
+            self.act(None);
+            let set = ForceSet { actuation: true, effects: true, ..ForceSet::NONE };
+            self.pass(None, set, 0..0);
+            self.store(count, |d| 2 * n + first + d, out);
+        }
+        for j in 0..inputs {
+            self.p[j] = Dual::from_f64(at.p[j]);
+        }
+        self.act(None);
+        // From the last section down: those below one that moves are as lifted.
+        for i in (0..sections).rev() {
+            for first in (0..6).step_by(Self::WIDTH) {
+                for j in 0..3 {
+                    let k = 3 * i + j;
+                    self.q[k] = Dual::seeded(at.q[k], |d| f64::from(first + d == j));
+                    self.qd[k] = Dual::seeded(at.qd[k], |d| f64::from(first + d == j + 3));
+                }
+                self.pass(None, set, i..i + 1);
+                let row = |d: usize| if first + d < 3 { 3 * i + first + d } else { n + 3 * i + first + d - 3 };
+                self.store(Self::WIDTH.min(6 - first), row, out);
+            }
+            for k in 3 * i..3 * i + 3 {
+                (self.q[k], self.qd[k]) = (Dual::from_f64(at.q[k]), Dual::from_f64(at.qd[k]));
+            }
+            self.locals[i] = Local::lifted(&self.plain.locals[i]);
+        }
+        for block in 0..self.tangents.len() {
+            let first = block * Self::WIDTH;
+            self.act(Some(block));
+            self.pass(Some(block), set, 0..sections);
+            let count = Self::WIDTH.min(self.tangent_count - first);
+            self.store(count, |d| 2 * n + inputs + first + d, out);
         }
     }
 }
 
 impl<const N: usize, T: Real> Differentiator for Lifted<N, T> {
     fn run(&mut self, at: Point<'_>, qdd: &mut [f64], out: &mut [f64]) {
-        let n = qdd.len();
-        for (to, from) in self.x.iter_mut().zip(at.q.iter().chain(at.qd).chain(at.p)) {
-            *to = Dual::from_f64(*from);
-        }
-        if let Some(f) = at.f_ext {
-            for (to, from) in self.forces.iter_mut().zip(f) {
-                *to = Vec3::from_f64(from.0);
-            }
-        }
-        let forces = at.f_ext.is_some();
-        let states = self.x.len();
-        for first in (0..states).step_by(Self::WIDTH) {
-            let count = Self::WIDTH.min(states - first);
-            for d in 0..count {
-                let x = &mut self.x[first + d];
-                *x = Dual::seeded(x.value.lane(0), |k| f64::from(k == d));
-            }
-            self.pass(None, forces);
-            self.store(count, &mut out[first * n..]);
-            for x in &mut self.x[first..first + count] {
-                *x = Dual::from_f64(x.value.lane(0));
-            }
-        }
-        for (to, from) in qdd.iter_mut().zip(&self.qdd) {
-            *to = from.value.lane(0);
-        }
-        for block in 0..self.tangents.len() {
-            let first = block * Self::WIDTH;
-            self.pass(Some(block), forces);
-            self.store(Self::WIDTH.min(self.tangent_count - first), &mut out[(states + first) * n..]);
-        }
+        self.plain.run(at, qdd);
+        T::enter(Derivatives { lifted: self, at, qdd, out });
+    }
+}
+
+/// [`Lifted::derivatives`] as a kernel.
+struct Derivatives<'a, const N: usize, T> {
+    lifted: &'a mut Lifted<N, T>,
+    at: Point<'a>,
+    qdd: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl<const N: usize, T: Real> Kernel for Derivatives<'_, N, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.lifted.derivatives(self.at, self.qdd, self.out);
     }
 }
 
@@ -193,7 +359,7 @@ mod tests {
                 sum
             };
             let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (x.len() + 1)]);
-                differentiator(&arm, &tangents).run(Point { q: &q, qd: &qd, p: &p, f_ext: None }, &mut qdd, &mut out);
+                differentiator(&arm, &tangents, InstructionSet::best()).run(Point { q: &q, qd: &qd, p: &p, f_ext: None }, &mut qdd, &mut out);
                 let plain = forward(&arm, &x);
                 let size = plain.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
                 prop_assert!(plain.iter().zip(&qdd).all(|(a, b)| (a - b).abs() < 1e-11 * size));

@@ -121,12 +121,18 @@ pub fn forward_dynamics_into<T: Real>(
     solve(arm, ws, qdd);
 }
 
-/// The kinematics that forces and velocity products need.
+/// The motion that forces and velocity products need.
 #[inline(always)]
-fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
+pub(crate) fn motion_needed<T: Real>(arm: &Arm<T>) -> Motion {
     // Effects may act on the velocities of heads, whether or not Coriolis forces count.
     let without = if arm.effects.list.is_empty() { Motion::Pose } else { Motion::Velocity };
-    let motion = if arm.coriolis_forces { Motion::Bias } else { without };
+    if arm.coriolis_forces { Motion::Bias } else { without }
+}
+
+/// The kinematics of that motion.
+#[inline(always)]
+fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
+    let motion = motion_needed(arm);
     pass(arm, q, qd, motion, &mut ws.links);
     if motion == Motion::Pose {
         joint_rates(arm, qd, &mut ws.links);
@@ -227,6 +233,79 @@ fn hand_down<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, joint: &Joint<T>) 
     (out, below)
 }
 
+/// Inertia forces of one section, and the joint accelerations up to it as a motion about O.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Inertial<T> {
+    angular: Vec3<T>,
+    linear: Vec3<T>,
+    /// What must act on the body for it to move so.
+    wrench: Wrench<T>,
+}
+
+impl<T: Real> Inertial<T> {
+    /// Nothing moves.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { angular: Vec3::zero(), linear: Vec3::zero(), wrench: Wrench::zero() }
+    }
+
+    /// The same over another scalar.
+    #[inline(always)]
+    pub fn lifted(x: &Inertial<f64>) -> Self {
+        let wrench = Wrench { torque: Vec3::from_f64(x.wrench.torque.0), force: Vec3::from_f64(x.wrench.force.0) };
+        Self { angular: Vec3::from_f64(x.angular.0), linear: Vec3::from_f64(x.linear.0), wrench }
+    }
+}
+
+kernel! {
+    /// Inertia forces of the motion in `links` with joint accelerations `qdd`, from section `from` on; those below stay.
+    pub(crate) fn inertia_forces<'a, T>(
+        arm: &'a Arm<T>,
+        qdd: &'a [T],
+        from: usize,
+        links: &'a [Link<T>],
+        inertial: &'a mut [Inertial<T>],
+    ) {
+        // Joint accelerations as a motion about O, which grows up the chain: A = sum S q''.
+        let Inertial { mut angular, mut linear, .. } = if from == 0 { Inertial::zero() } else { inertial[from - 1] };
+        for (i, section) in arm.sections.iter().enumerate().skip(from) {
+            let link = &links[i];
+            let lengths = Vec3([qdd[3 * i], qdd[3 * i + 1], qdd[3 * i + 2]]);
+            let (da, dl) = link.subspace.twist(arc_from_lengths(lengths, section.inverse_radius));
+            angular += da;
+            linear += dl;
+            let tensor = body_tensor(arm, section, link);
+            let (torque, force) = Inertia::of_body(section, link, &tensor).mul(angular, linear);
+            let mut wrench = Wrench { torque, force };
+            if arm.coriolis_forces {
+                wrench.add(inertia_wrench(section, link, &tensor));
+            }
+            inertial[i] = Inertial { angular, linear, wrench };
+        }
+    }
+}
+
+kernel! {
+    /// Forces on the lengths that the motion leaves over, into `out`: loads less inertia forces. Zero for the motion that
+    /// the loads bring about.
+    pub(crate) fn left_over<'a, T>(
+        arm: &'a Arm<T>,
+        links: &'a [Link<T>],
+        loads: &'a mut [Load<T>],
+        inertial: &'a [Inertial<T>],
+        out: &'a mut [T],
+    ) {
+        for (load, inertial) in loads.iter_mut().zip(inertial) {
+            load.on_head.torque -= inertial.wrench.torque;
+            load.on_head.force -= inertial.wrench.force;
+        }
+        crate::forces::project(links, loads, |i, force| {
+            let f = force_on_lengths(force, arm.sections[i].inverse_radius);
+            out[3 * i..3 * i + 3].copy_from_slice(&f.0);
+        });
+    }
+}
+
 /// The actuation force tau needed for the acceleration `qdd`: M q'' + C q' + N, into `tau`.
 #[inline(always)]
 pub fn inverse_dynamics_into<T: Real>(
@@ -240,28 +319,9 @@ pub fn inverse_dynamics_into<T: Real>(
 ) {
     motion_pass(arm, q, qd, ws);
     accumulate(arm, ForceSet::PASSIVE, &[], f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
-    let Workspace { links, loads, .. } = ws;
-    // Joint accelerations as a motion about O, which grows up the chain: A = sum S q''.
-    let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
-    for (i, section) in arm.sections.iter().enumerate() {
-        let link = &links[i];
-        let lengths = Vec3([qdd[3 * i], qdd[3 * i + 1], qdd[3 * i + 2]]);
-        let (da, dl) = link.subspace.twist(arc_from_lengths(lengths, section.inverse_radius));
-        angular += da;
-        linear += dl;
-        let tensor = body_tensor(arm, section, link);
-        let (torque, force) = Inertia::of_body(section, link, &tensor).mul(angular, linear);
-        let load = &mut loads[i].on_head;
-        load.torque -= torque;
-        load.force -= force;
-        if arm.coriolis_forces {
-            let wrench = inertia_wrench(section, link, &tensor);
-            load.torque -= wrench.torque;
-            load.force -= wrench.force;
-        }
+    inertia_forces(arm, qdd, 0, &ws.links, &mut ws.inertial);
+    left_over(arm, &ws.links, &mut ws.loads, &ws.inertial, tau);
+    for f in tau {
+        *f = -*f;
     }
-    crate::forces::project(links, loads, |i, force| {
-        let f = force_on_lengths(-force, arm.sections[i].inverse_radius);
-        tau[3 * i..3 * i + 3].copy_from_slice(&f.0);
-    });
 }

@@ -50,7 +50,12 @@ fn write_block<T: Real>(
 /// M(q), (49), into `out` (m x m, row by row).
 pub fn inertia_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
     pass(arm, q, &[], Motion::Pose, &mut ws.links);
-    let (m, links) = (arm.coordinates(), &ws.links);
+    inertia_matrix_of(arm, &ws.links, out);
+}
+
+/// The same from a pass.
+pub(crate) fn inertia_matrix_of<T: Real>(arm: &Arm<T>, links: &[Link<T>], out: &mut [T]) {
+    let m = arm.coordinates();
     let mut composite = Inertia::zero();
     for i in (0..links.len()).rev() {
         let (section, link) = (&arm.sections[i], &links[i]);

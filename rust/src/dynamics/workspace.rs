@@ -1,6 +1,6 @@
 //! Everything computed for an arm, allocated once.
 
-use super::recursion::Joint;
+use super::recursion::{Inertial, Joint};
 use crate::arm::Arm;
 use crate::effects::EffectState;
 use crate::forces::Load;
@@ -17,6 +17,8 @@ pub struct Workspace<T = f64> {
     pub loads: Vec<Load<T>>,
     /// Articulated-body quantities of each section.
     pub(crate) joints: Vec<Joint<T>>,
+    /// Inertia forces of each section.
+    pub(crate) inertial: Vec<Inertial<T>>,
     /// A force for each section, for callers that assemble `f_ext`.
     pub external: Vec<Vec3<T>>,
     /// Work space and hidden states of the effects.
@@ -31,6 +33,7 @@ impl<T: Real> Workspace<T> {
             links: vec![Link::base(); n],
             loads: vec![Load::zero(); n],
             joints: vec![Joint::zero(); n],
+            inertial: vec![Inertial::zero(); n],
             external: vec![Vec3::zero(); n],
             effects: EffectState::new(arm),
         }

@@ -175,9 +175,9 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     }
 
     /// Turns what comes in into what goes out, in place: `p` holds one pressure an input. Over `elapsed` seconds what comes
-    /// in has gone from `from` to `p` in a straight line; `last` went out at the start.
+    /// in has gone from `from` to `p` in a straight line; `last` went out at the start. No time may have passed, in some lanes or in all.
     #[inline(always)]
-    fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], _p: &mut [T]) {}
+    fn pressures(&self, _elapsed: T, _from: &[T], _last: &[T], _p: &mut [T]) {}
 
     /// What comes out when everything rests at the pressures in `p`, in place.
     #[inline(always)]

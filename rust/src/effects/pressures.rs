@@ -7,7 +7,6 @@
 
 use super::upstream::Upstream;
 use crate::arm::Arm;
-use crate::input::Cursor;
 use crate::real::{Real, kernel};
 
 /// The pressures of one run on their way through the chain.
@@ -22,16 +21,17 @@ pub struct PressureChain<T> {
     values: Vec<T>,
     start_values: Vec<T>,
     next: Vec<T>,
-    time: f64,
+    /// Where each lane is on its way, from sample to sample of its own input.
+    time: T,
     start: f64,
     end: f64,
-    cursor: Cursor,
-    knot_cursor: Cursor,
+    /// Clock of each lane's input minus the plant's.
+    clock: T,
 }
 
 impl<T: Real> PressureChain<T> {
     /// The chain of `arm`; none where no effect acts on pressures. At rest at `start` under what comes in then.
-    pub fn new(arm: &Arm<T>, input: &impl Upstream<T>, start: f64) -> Option<Self> {
+    pub fn new(arm: &Arm<T>, input: &mut impl Upstream<T>, start: f64) -> Option<Self> {
         let list = &arm.effects.list;
         let delays: Vec<Option<T>> = (0..arm.inputs)
             .map(|j| {
@@ -52,13 +52,12 @@ impl<T: Real> PressureChain<T> {
             start_values: values.clone(),
             next: values.clone(),
             values,
-            time: start,
+            time: T::from_f64(start),
             start,
             end: f64::INFINITY,
-            cursor: Cursor::default(),
-            knot_cursor: Cursor::default(),
+            clock: input.clock(),
         };
-        chain.read(input, start);
+        chain.read(input, chain.time);
         let n = chain.inputs;
         for (k, &stage) in chain.stages.iter().enumerate() {
             let (before, after) = chain.next.split_at_mut(n * (k + 1));
@@ -73,56 +72,60 @@ impl<T: Real> PressureChain<T> {
 
     /// What comes in at `t`, with its delays, into the first row of `next`.
     #[inline(always)]
-    fn read(&mut self, input: &impl Upstream<T>, t: f64) {
+    fn read(&mut self, input: &mut impl Upstream<T>, t: T) {
         // Within a step the limit from inside belongs to it where a channel jumps at its ends.
-        input.read(t, t >= self.end, &mut self.cursor, &mut self.next[..self.inputs]);
-        let hair = 1e-9 * (1.0 + t.abs());
-        let inside = t.max(self.start + hair).min(self.end - hair);
+        input.read(t, self.end, &mut self.next[..self.inputs]);
+        // A hair on the input's clock: that is where a simulation alone has it, too.
+        let hair = ((t + self.clock).abs() + 1.0) * 1e-9;
+        let inside = t.max(hair + self.start).min(-hair + self.end);
         for j in 0..self.inputs {
             if let Some(delay) = self.delays[j] {
-                self.next[j] = input.delayed(-delay + inside, j);
+                self.next[j] = input.delayed(inside - delay, j);
             }
         }
     }
 
     /// A step from `t0` to `t1` begins, or begins again.
     #[inline(always)]
-    pub fn begin_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t0: f64, t1: f64) {
-        (self.start, self.time, self.end) = (t0, t0, t1);
+    pub fn begin_step(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t0: f64, t1: f64) {
+        (self.start, self.time, self.end) = (t0, T::from_f64(t0), t1);
         // What comes in may have jumped.
         self.values.copy_from_slice(&self.start_values);
-        self.read(input, t0);
+        self.read(input, self.time);
         let n = self.inputs;
         self.values[..n].copy_from_slice(&self.next[..n]);
-        self.pass(arm, 0.0);
+        self.pass(arm, T::zero());
     }
 
     /// The step was accepted.
     #[inline(always)]
-    pub fn end_step(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t1: f64) {
+    pub fn end_step(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t1: f64) {
         self.go(arm, input, t1);
         self.start_values.copy_from_slice(&self.values);
     }
 
     /// The pressures that act at `t`, within the step begun last, into `out`.
     #[inline(always)]
-    pub fn acting(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64, out: &mut [T]) {
+    pub fn acting(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t: f64, out: &mut [T]) {
         self.go(arm, input, t);
         out.copy_from_slice(&self.values[self.values.len() - self.inputs..]);
     }
 
-    /// To `t`, from sample to sample.
+    /// To `t`, each lane from sample to sample of its input; lanes that are there wait for the others.
     #[inline(always)]
-    fn go(&mut self, arm: &Arm<T>, input: &impl Upstream<T>, t: f64) {
-        if t < self.time {
+    fn go(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t: f64) {
+        if t < self.time.largest() {
             let (start, end) = (self.start, self.end);
             self.begin_step(arm, input, start, end);
         }
         // Samples of delayed inputs come later; where delays differ, those of the first input count.
         let shift = self.delays.first().and_then(|d| *d).map_or(0.0, |d| d.largest());
-        while self.time < t {
-            let knot = input.next_sample(self.time - shift, &mut self.knot_cursor) + shift;
-            let next = if knot > self.time && knot < t { knot } else { t };
+        let end = T::from_f64(t);
+        let hair = 1e-12 * (1.0 + self.clock.abs().largest() + t.abs());
+        while self.time.smallest() < t {
+            // A sample that is here or at the end but for rounding bends nothing on the way.
+            let knot = input.next_sample(self.time - shift + hair) + shift;
+            let next = T::select(end - knot - hair, knot, end);
             self.read(input, next);
             let elapsed = next - self.time;
             self.pass(arm, elapsed);
@@ -132,12 +135,12 @@ impl<T: Real> PressureChain<T> {
 
     /// All stages over `elapsed` seconds; what comes in ends at the first row of `next`.
     #[inline(always)]
-    fn pass(&mut self, arm: &Arm<T>, elapsed: f64) {
+    fn pass(&mut self, arm: &Arm<T>, elapsed: T) {
         stages(self, arm, elapsed);
     }
 
     #[inline(always)]
-    fn stages(&mut self, arm: &Arm<T>, elapsed: f64) {
+    fn stages(&mut self, arm: &Arm<T>, elapsed: T) {
         let n = self.inputs;
         for (k, &stage) in self.stages.iter().enumerate() {
             let (before, after) = self.next.split_at_mut(n * (k + 1));
@@ -169,7 +172,7 @@ impl<T: Real> PressureChain<T> {
 }
 
 kernel! {
-    fn stages<'a, T>(chain: &'a mut PressureChain<T>, arm: &'a Arm<T>, elapsed: f64) {
+    fn stages<'a, T>(chain: &'a mut PressureChain<T>, arm: &'a Arm<T>, elapsed: T) {
         chain.stages(arm, elapsed);
     }
 }

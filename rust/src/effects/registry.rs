@@ -73,7 +73,7 @@ macro_rules! dispatch {
             add_forces(now: &mut Instant<'_, T>, hidden: &[T]);
             advance(now: &Instant<'_, T>, hidden: &mut [T]);
             shapes_pressures() -> bool;
-            pressures(elapsed: f64, from: &[T], last: &[T], p: &mut [T]);
+            pressures(elapsed: T, from: &[T], last: &[T], p: &mut [T]);
             pressures_at_rest(p: &mut [T]);
             input_delay(input: usize) -> Option<T>;
             sensor_delay(coordinate: usize) -> Option<T>;

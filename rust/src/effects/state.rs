@@ -148,7 +148,9 @@ kernel! {
     ) {
         let (actuation, passive) = which;
         let EffectState { time, start, bellows, bellows_force, hidden } = state;
-        bellows_force.fill(T::zero());
+        for force in bellows_force.iter_mut() {
+            *force = T::zero();
+        }
         let mut all = bellows.iter_mut();
         for (section, link) in arm.sections.iter().zip(links) {
             for (b, state) in section.bellows.iter().zip(&mut all) {

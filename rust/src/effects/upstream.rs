@@ -1,40 +1,20 @@
 //! What comes into the chain of effects on pressures: samples given beforehand, or pressures known only as time goes on
 //! (commands held from outside, chambers that depend on the arm's motion).
 
-use crate::input::{Cursor, Input};
 use crate::real::Real;
 
-/// Pressures over time, one an input.
+/// Pressures over time, one an input. Times are on the plant's clock; lanes may stand at different ones.
 pub trait Upstream<T: Real> {
-    /// All at `t` into `out`; `before`: the limit from the left.
-    fn read(&self, t: f64, before: bool, cursor: &mut Cursor, out: &mut [T]);
-    /// One at a time that may differ from lane to lane.
-    fn delayed(&self, t: T, input: usize) -> T;
+    /// All at `t` into `out`; from `end` on, the limit from the left.
+    fn read(&mut self, t: T, end: f64, out: &mut [T]);
+    /// One at a time that may carry derivatives.
+    fn delayed(&mut self, t: T, channel: usize) -> T;
     /// The first sample after `t`, where they bend.
-    fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64;
+    fn next_sample(&mut self, t: T) -> T;
     /// The first time after `t` at which one jumps, as far as known.
     fn next_jump(&self, t: f64) -> f64;
-}
-
-impl<T: Real> Upstream<T> for Input {
-    #[inline(always)]
-    fn read(&self, t: f64, before: bool, cursor: &mut Cursor, out: &mut [T]) {
-        let place = self.weight(t, before, cursor);
-        for (j, p) in out.iter_mut().enumerate() {
-            *p = T::from_f64(self.pressure(place, j));
-        }
-    }
-    #[inline(always)]
-    fn delayed(&self, t: T, input: usize) -> T {
-        self.pressure_at(t, input)
-    }
-    #[inline(always)]
-    fn next_sample(&self, t: f64, cursor: &mut Cursor) -> f64 {
-        Input::next_sample(self, t, cursor)
-    }
-    fn next_jump(&self, t: f64) -> f64 {
-        Input::next_jump(self, t)
-    }
+    /// The clock of each lane's input minus the plant's, s.
+    fn clock(&self) -> T;
 }
 
 /// Pressures noted step by step, straight lines between; two rows at the same time are a jump. Rows older than
@@ -46,6 +26,7 @@ pub struct History<T> {
     inputs: usize,
     committed: usize,
     horizon: f64,
+    clock: T,
 }
 
 /// Rows after which old ones are looked for.
@@ -54,7 +35,12 @@ const MANY: usize = 4096;
 impl<T: Real> History<T> {
     /// `p` has stood since ever at `t`.
     pub fn new(t: f64, p: &[T]) -> Self {
-        Self { times: vec![t], rows: p.to_vec(), inputs: p.len(), committed: 1, horizon: 0.0 }
+        Self { times: vec![t], rows: p.to_vec(), inputs: p.len(), committed: 1, horizon: 0.0, clock: T::zero() }
+    }
+
+    /// The same for lanes whose inputs' clocks are ahead of the plant's by `clock` s.
+    pub fn on_clock(self, clock: T) -> Self {
+        Self { clock, ..self }
     }
 
     /// Delays reach `horizon` s back.
@@ -111,16 +97,18 @@ impl<T: Real> History<T> {
 
 impl<T: Real> Upstream<T> for History<T> {
     #[inline(always)]
-    fn read(&self, t: f64, before: bool, _cursor: &mut Cursor, out: &mut [T]) {
-        let place = self.place(t, before);
+    fn read(&mut self, t: T, end: f64, out: &mut [T]) {
+        // All lanes have the same rows and so stand at the same time.
+        let t = t.lane(0);
+        let place = self.place(t, t >= end);
         for (j, p) in out.iter_mut().enumerate() {
             *p = self.value(place, j);
         }
     }
-    fn delayed(&self, t: T, input: usize) -> T {
+    fn delayed(&mut self, t: T, channel: usize) -> T {
         let (low, high) = (t.smallest(), t.largest());
         let mut k = self.times.partition_point(|x| *x <= low).max(1) - 1;
-        let value = |k: usize| self.rows[k * self.inputs + input];
+        let value = |k: usize| self.rows[k * self.inputs + channel];
         let mut out = value(k);
         while k + 1 < self.times.len() && self.times[k] <= high {
             let (h, rise) = (self.times[k + 1] - self.times[k], value(k + 1) - value(k));
@@ -135,12 +123,16 @@ impl<T: Real> Upstream<T> for History<T> {
         out
     }
     #[inline(always)]
-    fn next_sample(&self, t: f64, _cursor: &mut Cursor) -> f64 {
+    fn next_sample(&mut self, t: T) -> T {
+        let t = t.lane(0);
         let k = self.times.partition_point(|x| *x <= t);
-        self.times.get(k).copied().unwrap_or(f64::INFINITY)
+        T::from_f64(self.times.get(k).copied().unwrap_or(f64::INFINITY))
     }
     fn next_jump(&self, _t: f64) -> f64 {
         // Held commands jump where steps begin; one that arrives late, within a step, is met by that step's stages.
         f64::INFINITY
+    }
+    fn clock(&self) -> T {
+        self.clock
     }
 }

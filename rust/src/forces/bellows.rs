@@ -31,9 +31,9 @@ fn spring<T: Real>(b: &Bellows<T>, length: T) -> T {
     let e = length - b.rest_length;
     let mut sum = T::zero();
     for k in b.stiffness[..b.stiffness_terms].iter().rev() {
-        sum = (sum + *k) * e;
+        sum = sum.mul_add(e, *k);
     }
-    sum
+    sum * e
 }
 
 /// Energy in the spring, the integral of F_spr from the rest length, J.

@@ -117,7 +117,10 @@ kernel! {
         state: &'a mut EffectState<T>,
         loads: &'a mut [Load<T>],
     ) {
-        loads.fill(Load::zero());
+        // No `fill`: see `linear`.
+        for load in loads.iter_mut() {
+            *load = Load::zero();
+        }
         if !arm.effects.list.is_empty() {
             effects::state::add_forces(arm, (set.actuation, set.effects), p, links, state, loads);
         }

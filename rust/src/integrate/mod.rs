@@ -7,7 +7,7 @@ mod tableau;
 pub use runge_kutta::{Integrator, Options, Statistics};
 pub use tableau::{DORMAND_PRINCE_54, Method, RK4, ROS2, Tableau};
 
-use crate::real::Real;
+use crate::real::{Real, all_finite};
 
 /// The reason given where a state is no longer finite.
 pub(crate) const NOT_FINITE: &str = "the state is no longer finite; try a smaller step or tolerance";
@@ -34,7 +34,7 @@ pub trait System<T: Real> {
     /// so. A system of several lanes may put something else in the place of single lanes.
     #[inline(always)]
     fn inspect(&mut self, _t0: f64, x1: &mut [T]) -> Option<String> {
-        if !x1.iter().all(|x| x.is_finite()) {
+        if !all_finite(x1) {
             return Some(NOT_FINITE.to_owned());
         }
         self.objection(x1)

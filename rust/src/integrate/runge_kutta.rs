@@ -220,13 +220,25 @@ impl<T: Real> Integrator<T> {
     /// `stage = x + h sum_i weights_i k_i`.
     #[inline(always)]
     fn combine(&mut self, weights: &[f64], h: f64) {
-        self.stage.copy_from_slice(&self.x);
+        let mut begun = false;
         for (w, k) in weights.iter().zip(&self.k) {
-            if *w != 0.0 {
+            if *w == 0.0 {
+                continue;
+            }
+            let w = T::from_f64(w * h);
+            if begun {
                 for (s, d) in self.stage.iter_mut().zip(k) {
-                    *s += *d * (w * h);
+                    *s = d.mul_add(w, *s);
+                }
+            } else {
+                for ((s, x), d) in self.stage.iter_mut().zip(&self.x).zip(k) {
+                    *s = d.mul_add(w, *x);
                 }
             }
+            begun = true;
+        }
+        if !begun {
+            self.stage.copy_from_slice(&self.x);
         }
     }
 

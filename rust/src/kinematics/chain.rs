@@ -7,10 +7,11 @@
 //! Limits: those of `section`.
 
 use super::coordinates::arc_from_lengths;
-use super::section::{Bent, Subspace};
-use crate::arm::Arm;
+use super::section::{Bent, Bias, Pose, Subspace};
+use crate::arm::{Arm, Section};
 use crate::linear::{Mat3, Vec3};
 use crate::real::{Real, kernel};
+use std::ops::Range;
 
 /// What is known of one section and its head body, in the base frame.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +57,23 @@ impl<T: Real> Link<T> {
         }
     }
 
+    /// The same over another scalar.
+    #[inline(always)]
+    pub fn lifted(x: &Link<f64>) -> Self {
+        Self {
+            arc: Vec3::from_f64(x.arc.0),
+            rate: Vec3::from_f64(x.rate.0),
+            rotation: Mat3::from_f64(x.rotation.0),
+            position: Vec3::from_f64(x.position.0),
+            center: Vec3::from_f64(x.center.0),
+            subspace: Subspace::lifted(&x.subspace),
+            angular_velocity: Vec3::from_f64(x.angular_velocity.0),
+            velocity: Vec3::from_f64(x.velocity.0),
+            angular_acceleration: Vec3::from_f64(x.angular_acceleration.0),
+            acceleration: Vec3::from_f64(x.acceleration.0),
+        }
+    }
+
     /// Velocity of the centre of mass, m/s.
     #[inline(always)]
     pub fn center_velocity(&self) -> Vec3<T> {
@@ -74,19 +92,54 @@ pub enum Motion {
     Bias,
 }
 
-/// One step up the chain: the body above `below`.
-#[inline(always)]
-pub fn step<T: Real>(
-    below: &Link<T>,
-    bent: &Bent<T>,
+/// A section by itself, in its base frame: all that depends on its own coordinates alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Local<T> {
     arc: Vec3<T>,
     rate: Vec3<T>,
-    center_of_mass: Vec3<T>,
-    motion: Motion,
-) -> Link<T> {
+    pose: Pose<T>,
+    subspace: Subspace<T>,
+    /// Zero unless the motion has it.
+    bias: Bias<T>,
+}
+
+impl<T: Real> Local<T> {
+    /// Nothing known yet.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let o = Vec3::zero();
+        let subspace = Subspace { angular: [o; 2], linear: [o; 3] };
+        Self { arc: o, rate: o, pose: Pose { rotation: Mat3::identity(), position: o }, subspace, bias: Bias::zero() }
+    }
+
+    /// `section` at three lengths, with their rates.
+    #[inline(always)]
+    pub fn new(section: &Section<T>, lengths: Vec3<T>, rates: Vec3<T>, motion: Motion) -> Self {
+        let arc = arc_from_lengths(lengths, section.inverse_radius);
+        let rate = arc_from_lengths(rates, section.inverse_radius);
+        let bent = Bent::new(arc, section.base_offset, section.head_offset);
+        let bias = if motion == Motion::Bias { bent.bias(rate) } else { Bias::zero() };
+        Self { arc, rate, pose: bent.pose(), subspace: bent.subspace(), bias }
+    }
+
+    /// The same over another scalar.
+    #[inline(always)]
+    pub fn lifted(x: &Local<f64>) -> Self {
+        Self {
+            arc: Vec3::from_f64(x.arc.0),
+            rate: Vec3::from_f64(x.rate.0),
+            pose: Pose { rotation: Mat3::from_f64(x.pose.rotation.0), position: Vec3::from_f64(x.pose.position.0) },
+            subspace: Subspace::lifted(&x.subspace),
+            bias: Bias { angular: Vec3::from_f64(x.bias.angular.0), linear: Vec3::from_f64(x.bias.linear.0) },
+        }
+    }
+}
+
+/// One step up the chain: the body above `below`.
+#[inline(always)]
+pub fn step<T: Real>(below: &Link<T>, local: &Local<T>, center_of_mass: Vec3<T>, motion: Motion) -> Link<T> {
     let r = &below.rotation;
-    let pose = bent.pose();
-    let local = bent.subspace();
+    let Local { arc, rate, pose, subspace: local, bias } = local;
     let reach = r.mul_vec(pose.position);
     let position = below.position + reach;
     let rotation = r.mul_mat(&pose.rotation);
@@ -97,8 +150,8 @@ pub fn step<T: Real>(
         linear: [linear[0] + position.cross(angular[0]), linear[1] + position.cross(angular[1]), linear[2]],
     };
     let mut link = Link {
-        arc,
-        rate,
+        arc: *arc,
+        rate: *rate,
         rotation,
         position,
         center: position + rotation.mul_vec(center_of_mass),
@@ -108,12 +161,11 @@ pub fn step<T: Real>(
     if motion == Motion::Pose {
         return link;
     }
-    let (omega, velocity) = Subspace { angular, linear }.twist(rate);
+    let (omega, velocity) = Subspace { angular, linear }.twist(*rate);
     let turn = below.angular_velocity.cross(reach);
     link.angular_velocity = below.angular_velocity + omega;
     link.velocity = below.velocity + turn + velocity;
     if motion == Motion::Bias {
-        let bias = bent.bias(rate);
         link.angular_acceleration =
             below.angular_acceleration + r.mul_vec(bias.angular) + below.angular_velocity.cross(omega);
         link.acceleration = below.acceleration
@@ -124,21 +176,44 @@ pub fn step<T: Real>(
     link
 }
 
+/// Three entries of `x`, those of section `i`.
+#[inline(always)]
+fn three<T: Real>(x: &[T], i: usize) -> Vec3<T> {
+    Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]])
+}
+
 kernel! {
     /// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
     pub fn pass<'a, T>(arm: &'a Arm<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>]) {
         let mut below = Link::base();
         for (i, (section, link)) in arm.sections.iter().zip(links.iter_mut()).enumerate() {
-            let lengths = Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]);
-            let arc = arc_from_lengths(lengths, section.inverse_radius);
-            let rate = if motion == Motion::Pose {
-                Vec3::zero()
-            } else {
-                arc_from_lengths(Vec3([qd[3 * i], qd[3 * i + 1], qd[3 * i + 2]]), section.inverse_radius)
-            };
-            let bent = Bent::new(arc, section.base_offset, section.head_offset);
-            below = step(&below, &bent, arc, rate, section.center_of_mass, motion);
+            let rates = if motion == Motion::Pose { Vec3::zero() } else { three(qd, i) };
+            let local = Local::new(section, three(q, i), rates, motion);
+            below = step(&below, &local, section.center_of_mass, motion);
             *link = below;
+        }
+    }
+}
+
+kernel! {
+    /// The same from section `own.start` on, above links that stay as they are: sections of `own` at `q` and `qd` (read
+    /// for every motion), those above it at their `locals`, which are noted for `own`.
+    pub fn pass_again<'a, T>(
+        arm: &'a Arm<T>,
+        q: &'a [T],
+        qd: &'a [T],
+        motion: Motion,
+        own: Range<usize>,
+        locals: &'a mut [Local<T>],
+        links: &'a mut [Link<T>],
+    ) {
+        let mut below = if own.start == 0 { Link::base() } else { links[own.start - 1] };
+        for (i, section) in arm.sections.iter().enumerate().skip(own.start) {
+            if i < own.end {
+                locals[i] = Local::new(section, three(q, i), three(qd, i), motion);
+            }
+            below = step(&below, &locals[i], section.center_of_mass, motion);
+            links[i] = below;
         }
     }
 }

@@ -38,6 +38,14 @@ pub struct Bias<T> {
     pub linear: Vec3<T>,
 }
 
+impl<T: Real> Bias<T> {
+    /// No acceleration.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { angular: Vec3::zero(), linear: Vec3::zero() }
+    }
+}
+
 /// A section at (u, v, l): arc functions and what recurs.
 #[derive(Clone, Copy, Debug)]
 pub struct Bent<T> {
@@ -163,6 +171,16 @@ impl<T: Real> Bent<T> {
 }
 
 impl<T: Real> Subspace<T> {
+    /// The same over another scalar.
+    #[inline(always)]
+    pub fn lifted(s: &Subspace<f64>) -> Self {
+        let ([a, b], [c, d, e]) = (s.angular, s.linear);
+        Self {
+            angular: [Vec3::from_f64(a.0), Vec3::from_f64(b.0)],
+            linear: [Vec3::from_f64(c.0), Vec3::from_f64(d.0), Vec3::from_f64(e.0)],
+        }
+    }
+
     /// Angular and linear velocity at the given rates.
     #[inline(always)]
     pub fn twist(&self, rate: Vec3<T>) -> (Vec3<T>, Vec3<T>) {

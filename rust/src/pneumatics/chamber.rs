@@ -19,7 +19,9 @@ pub const GAS_CONSTANT: f64 = 287.05;
 /// Volumes of all chambers at lengths `q` into `out`; with `rates` true, their rates from the lengths' rates `q`.
 #[inline(always)]
 pub fn volumes<T: Real>(arm: &Arm<T>, dead_volume: T, q: &[T], rates: bool, out: &mut [T]) {
-    out.fill(if rates { T::zero() } else { dead_volume });
+    for volume in out.iter_mut() {
+        *volume = if rates { T::zero() } else { dead_volume };
+    }
     for (i, section) in arm.sections.iter().enumerate() {
         let arc = arc_from_lengths(Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]), section.inverse_radius);
         for b in &section.bellows {

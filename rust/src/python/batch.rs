@@ -120,7 +120,7 @@ pub fn simulate_batch<'py>(
 }
 
 /// By the user's name; the widest one that this processor has if none.
-fn instruction_set_by_name(py: Python<'_>, name: Option<&str>) -> PyResult<InstructionSet> {
+pub(super) fn instruction_set_by_name(py: Python<'_>, name: Option<&str>) -> PyResult<InstructionSet> {
     let Some(name) = name else { return Ok(InstructionSet::best()) };
     let available: Vec<_> = InstructionSet::ALL.into_iter().filter(|s| s.is_available()).map(|s| s.name()).collect();
     InstructionSet::by_name(name)

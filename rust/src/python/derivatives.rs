@@ -2,6 +2,7 @@
 
 use super::arm::PyArm;
 use super::arrays::{any_vector, matrix, rows, shaped, small, vector};
+use super::batch::instruction_set_by_name;
 use super::errors::{input, to_python};
 use super::simulation::{interpolation_by_name, options};
 use crate::abreast::tangent;
@@ -42,11 +43,12 @@ pub struct Differentiator {
 #[pymethods]
 impl Differentiator {
     #[new]
-    #[pyo3(signature = (arm, differences = Vec::new()))]
-    fn new(arm: &Bound<'_, PyArm>, differences: Vec<Difference<'_>>) -> PyResult<Self> {
+    #[pyo3(signature = (arm, differences = Vec::new(), instruction_set = None))]
+    fn new(arm: &Bound<'_, PyArm>, differences: Vec<Difference<'_>>, instruction_set: Option<&str>) -> PyResult<Self> {
+        let set = instruction_set_by_name(arm.py(), instruction_set)?;
         let tangents = tangents(arm.py(), &differences)?;
         let arm = &arm.get().arm;
-        let inner = Mutex::new(derivatives::differentiator(arm, &tangents));
+        let inner = Mutex::new(derivatives::differentiator(arm, &tangents, set));
         Ok(Self { inner, sections: arm.sections.len(), inputs: arm.inputs, tangents: tangents.len() })
     }
 

@@ -143,6 +143,10 @@ impl Real for Fused {
         Self(self.0.exp())
     }
     #[inline(always)]
+    fn ln(self) -> Self {
+        Self(self.0.ln())
+    }
+    #[inline(always)]
     fn tanh(self) -> Self {
         Self(self.0.tanh())
     }

@@ -30,7 +30,7 @@ impl<T: Real> Effect<T> for PressureGain<T> {
     }
 
     #[inline(always)]
-    fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], p: &mut [T]) {
+    fn pressures(&self, _elapsed: T, _from: &[T], _last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += (p[j] - self.ambient) * self.gain;
         }

@@ -29,9 +29,8 @@ fn decay<T: Real>(e: T, slope: T, tau: T, h: T) -> T {
 impl<T: Real> PressureLag<T> {
     /// p after the input has gone from `from` to `to` in a straight line.
     #[inline(always)]
-    fn follow(&self, elapsed: f64, from: T, to: T, p: T) -> T {
-        let h = T::from_f64(elapsed);
-        let (e, slope) = (from - p, (to - from) * (1.0 / elapsed));
+    fn follow(&self, h: T, from: T, to: T, p: T) -> T {
+        let (e, slope) = (from - p, (to - from) / h);
         // Where u and p meet within the piece, they do so after tau ln(1 + y), y = -e / (slope tau): before that the one
         // time constant holds, after it the other. The logarithm's Pade form (2, 1) is good to 1e-4 for y < 0.5, and where it is not,
         // u - p is near zero and tau matters little.
@@ -66,9 +65,14 @@ impl<T: Real> Effect<T> for PressureLag<T> {
     }
 
     #[inline(always)]
-    fn pressures(&self, elapsed: f64, from: &[T], last: &[T], p: &mut [T]) {
+    fn pressures(&self, elapsed: T, from: &[T], last: &[T], p: &mut [T]) {
+        if elapsed.largest() <= 0.0 {
+            p[self.inputs.clone()].copy_from_slice(&last[self.inputs.clone()]);
+            return;
+        }
+        let h = T::select(elapsed, elapsed, T::one());
         for j in self.inputs.clone() {
-            p[j] = if elapsed > 0.0 { self.follow(elapsed, from[j], p[j], last[j]) } else { last[j] };
+            p[j] = T::select(elapsed, self.follow(h, from[j], p[j], last[j]), last[j]);
         }
     }
 }

@@ -28,7 +28,7 @@ impl<T: Real> Effect<T> for PressureOffset<T> {
     }
 
     #[inline(always)]
-    fn pressures(&self, _elapsed: f64, _from: &[T], _last: &[T], p: &mut [T]) {
+    fn pressures(&self, _elapsed: T, _from: &[T], _last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += self.offset;
         }

@@ -29,7 +29,7 @@ impl<T: Real> Effect<T> for ValveDeadBand<T> {
     }
 
     #[inline(always)]
-    fn pressures(&self, _elapsed: f64, _from: &[T], last: &[T], p: &mut [T]) {
+    fn pressures(&self, _elapsed: T, _from: &[T], last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] = last[j].max(p[j] - self.band).min(p[j] + self.band);
         }

@@ -1,6 +1,7 @@
 //! Derivatives by every number of every kind: dual numbers against central differences.
 
 use super::*;
+use crate::drives::Drives;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::effects::poses::heads;
 use crate::effects::pressures::PressureChain;
@@ -8,6 +9,7 @@ use crate::effects::sensors::Sensors;
 use crate::effects::{EffectState, KINDS, PlaceKind};
 use crate::input::{Input, Interpolation};
 use crate::real::{Dual, Real};
+use std::sync::Arc;
 
 fn lift<T: Real>(x: &[f64]) -> Vec<T> {
     x.iter().map(|&v| T::from_f64(v)).collect()
@@ -38,10 +40,11 @@ fn outputs<T: Real>(arm: &Arm<T>) -> Vec<T> {
     let rows = samples.iter().flat_map(|(_, p)| (0..9).map(move |k| 1.2e5 + (f64::from(k) - 3.5) * p)).collect();
     let samples = samples.map(|(t, _)| t);
     let input = Input::new(samples.to_vec(), (rows, 9), (Vec::new(), 0), Interpolation::Linear).unwrap();
-    if let Some(mut chain) = PressureChain::new(arm, &input, 0.0) {
+    let mut drives = Drives::new(vec![(Arc::new(input), 0.0)]);
+    if let Some(mut chain) = PressureChain::new(arm, &mut drives, 0.0) {
         let mut p = vec![T::zero(); 9];
-        chain.begin_step(arm, &input, 0.0, 0.017);
-        chain.acting(arm, &input, 0.017, &mut p);
+        chain.begin_step(arm, &mut drives, 0.0, 0.017);
+        chain.acting(arm, &mut drives, 0.017, &mut p);
         out.extend(p.iter().map(|p| *p * 1e-3));
     }
     if let Some(mut sensors) = Sensors::new(arm, 0.0, &x0) {

@@ -1,6 +1,7 @@
 //! The chain of pressures and that of sensors.
 
 use super::*;
+use crate::drives::Drives;
 use crate::effects::pressures::{PressureChain, at_rest};
 use crate::input::{Input, Interpolation};
 use crate::integrate::{Method, Options};
@@ -16,24 +17,25 @@ fn input(samples: &[(f64, f64)], interpolation: Interpolation) -> Input {
 /// The acting pressure of the first channel at `times`, in steps from one to the next that end on jumps.
 fn acting(effects: &[EffectParameters], input: &Input, times: &[f64]) -> Vec<f64> {
     let arm = arm(effects);
-    let mut chain = PressureChain::new(&arm, input, times[0]).unwrap();
+    let mut drives = Drives::new(vec![(Arc::new(input.clone()), 0.0)]);
+    let mut chain = PressureChain::new(&arm, &mut drives, times[0]).unwrap();
     let mut out = vec![0.0; 9];
     let mut found = Vec::new();
     for pair in times.windows(2) {
         let mut t = pair[0];
         while t < pair[1] {
-            let jump = input.next_jump(t).min(chain.next_jump(input, t));
+            let jump = input.next_jump(t).min(chain.next_jump(&drives, t));
             let next = pair[1].min(jump);
-            chain.begin_step(&arm, input, t, next);
+            chain.begin_step(&arm, &mut drives, t, next);
             // Stages out of order and a step begun again: the chain must not care.
             for share in [0.7, 0.3, 1.0] {
-                chain.acting(&arm, input, t + share * (next - t), &mut out);
+                chain.acting(&arm, &mut drives, t + share * (next - t), &mut out);
             }
-            chain.begin_step(&arm, input, t, next);
-            chain.end_step(&arm, input, next);
+            chain.begin_step(&arm, &mut drives, t, next);
+            chain.end_step(&arm, &mut drives, next);
             t = next;
         }
-        chain.acting(&arm, input, t, &mut out);
+        chain.acting(&arm, &mut drives, t, &mut out);
         assert!(out[1..].iter().all(|p| (p - 1e5).abs() < 1e-9));
         found.push(out[0]);
     }

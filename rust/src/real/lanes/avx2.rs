@@ -79,6 +79,23 @@ impl Register for Avx2 {
         })
     }
     #[inline(always)]
+    fn exponent(self) -> Self {
+        // The exponent's bits, shifted down, as the last bits of 2^52 plus them. SAFETY: see the file's head.
+        Self(unsafe {
+            let biased = _mm256_srli_epi64::<52>(_mm256_castpd_si256(self.0));
+            let shifted = _mm256_or_pd(_mm256_castsi256_pd(biased), _mm256_set1_pd(super::TWO_52));
+            _mm256_sub_pd(shifted, _mm256_set1_pd(1023.0 + super::TWO_52))
+        })
+    }
+    #[inline(always)]
+    fn mantissa(self) -> Self {
+        // The bits behind the exponent, with that of 1. SAFETY: see the file's head.
+        Self(unsafe {
+            let bits = _mm256_and_pd(self.0, _mm256_set1_pd(f64::from_bits(super::MANTISSA)));
+            _mm256_or_pd(bits, _mm256_set1_pd(1.0))
+        })
+    }
+    #[inline(always)]
     fn all_finite(self) -> bool {
         // x - x is 0 for finite numbers only. SAFETY: see the file's head.
         unsafe {
@@ -91,6 +108,7 @@ impl Register for Avx2 {
         #[target_feature(enable = "avx2,fma")]
         #[inline(never)]
         fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            super::Aligned::keep();
             kernel.run()
         }
         assert!(InstructionSet::Avx2.is_available(), "this processor lacks the instruction set avx2,fma");

@@ -77,6 +77,12 @@ impl Register for Avx512 {
             _mm512_castsi512_pd(_mm512_slli_epi64::<52>(_mm512_castpd_si512(biased)))
         })
     }
+    operation!(exponent() = _mm512_getexp_pd);
+    #[inline(always)]
+    fn mantissa(self) -> Self {
+        // SAFETY: see the file's head.
+        Self(unsafe { _mm512_getmant_pd::<_MM_MANT_NORM_1_2, _MM_MANT_SIGN_SRC>(self.0) })
+    }
     #[inline(always)]
     fn all_finite(self) -> bool {
         // x - x is 0 for finite numbers only. SAFETY: see the file's head.
@@ -90,6 +96,7 @@ impl Register for Avx512 {
         #[target_feature(enable = "avx512f,avx2,fma")]
         #[inline(never)]
         fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            super::Aligned::keep();
             kernel.run()
         }
         assert!(InstructionSet::Avx512.is_available(), "this processor lacks the instruction set avx512f,avx2,fma");

@@ -11,7 +11,9 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod elementary;
-#[cfg(target_arch = "aarch64")]
+#[cfg(all(test, not(target_arch = "aarch64")))]
+mod emulated;
+#[cfg(any(target_arch = "aarch64", test))]
 mod neon;
 
 use super::{Kernel, Real};
@@ -152,14 +154,40 @@ pub trait Register: Copy + Debug + Send + Sync + 'static {
     fn positive(self, then: Self, otherwise: Self) -> Self;
     /// 2^self for a whole number from -1022 to 1023.
     fn power_of_two(self) -> Self;
+    /// The whole number e of a positive, normal number m 2^e with 1 <= m < 2.
+    fn exponent(self) -> Self;
+    /// And m.
+    fn mantissa(self) -> Self;
     /// Whether all numbers are finite.
     fn all_finite(self) -> bool;
     /// Runs `kernel` in a function compiled for the instruction set.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 }
 
+/// A place on the stack as aligned as the widest register.
+///
+/// A kernel's function keeps one, so that the compiler aligns its whole frame: it would notice only when it spills
+/// registers that it should have, too late to do so, and every other spill would cross two cache lines.
+#[cfg(target_arch = "x86_64")]
+#[repr(align(64))]
+struct Aligned(#[allow(dead_code)] u8);
+
+#[cfg(target_arch = "x86_64")]
+impl Aligned {
+    /// Asks for the place.
+    #[inline(always)]
+    fn keep() {
+        // Not a constant, which would lie elsewhere.
+        let mut place = Self(0);
+        std::hint::black_box(&mut place);
+    }
+}
+
 /// 2^52, from which on doubles are whole numbers.
 const TWO_52: f64 = 4_503_599_627_370_496.0;
+
+/// The bits behind the exponent.
+const MANTISSA: u64 = (1 << 52) - 1;
 
 /// Numbers abreast as one [`Real`].
 #[derive(Clone, Copy, Debug)]
@@ -250,6 +278,10 @@ impl<R: Register> Real for Lanes<R> {
     #[inline(always)]
     fn exp(self) -> Self {
         elementary::exp(self)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        elementary::ln(self)
     }
     #[inline(always)]
     fn tanh(self) -> Self {

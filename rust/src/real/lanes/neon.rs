@@ -1,7 +1,10 @@
 //! Four lanes in two registers of NEON, which every aarch64 processor has.
 
 use super::Register;
+#[cfg(not(target_arch = "aarch64"))]
+use super::emulated::*;
 use crate::real::Kernel;
+#[cfg(target_arch = "aarch64")]
 use std::arch::aarch64::*;
 
 /// Four numbers.
@@ -93,6 +96,23 @@ impl Register for Neon {
         self.map(|a| unsafe {
             let biased = vaddq_f64(a, vdupq_n_f64(1023.0 + super::TWO_52));
             vreinterpretq_f64_s64(vshlq_n_s64::<52>(vreinterpretq_s64_f64(biased)))
+        })
+    }
+    #[inline(always)]
+    fn exponent(self) -> Self {
+        // The exponent's bits, shifted down, as the last bits of 2^52 plus them.
+        self.map(|a| unsafe {
+            let biased = vshrq_n_u64::<52>(vreinterpretq_u64_f64(a));
+            let shifted = vorrq_u64(biased, vdupq_n_u64(super::TWO_52.to_bits()));
+            vsubq_f64(vreinterpretq_f64_u64(shifted), vdupq_n_f64(1023.0 + super::TWO_52))
+        })
+    }
+    #[inline(always)]
+    fn mantissa(self) -> Self {
+        // The bits behind the exponent, with that of 1.
+        self.map(|a| unsafe {
+            let bits = vandq_u64(vreinterpretq_u64_f64(a), vdupq_n_u64(super::MANTISSA));
+            vreinterpretq_f64_u64(vorrq_u64(bits, vdupq_n_u64(1.0_f64.to_bits())))
         })
     }
     #[inline(always)]

@@ -7,9 +7,10 @@ fn numbers() -> Vec<f64> {
     let spread = (0..4000).map(|k| (f64::from(k) * 0.618_033_988_75).fract() * 40.0 - 20.0);
     let wide = (0..3000).map(|k| f64::from(k) * 0.48 - 720.0);
     let small = (0..600).map(|k| 10.0_f64.powf(-f64::from(k) * 0.5) * if k % 2 == 0 { 1.0 } else { -1.0 });
+    let near_one = (1..400).map(|k| 1.0 + 2e-3 * (f64::from(k) - 200.0) * 0.7_f64.powi(k % 40));
     let special =
         [0.0, -0.0, 0.625, -0.625, 709.7, -708.3, 1e-310, 1e300, -1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
-    spread.chain(wide).chain(small).chain(special).collect()
+    spread.chain(wide).chain(small).chain(near_one).chain(special).collect()
 }
 
 struct Check;
@@ -22,15 +23,15 @@ fn unit_error(found: f64, expected: f64) -> f64 {
 }
 
 impl AnyLanes for Check {
-    type Output = [f64; 2];
-    fn with<T: Real>(self) -> [f64; 2] {
+    type Output = [f64; 3];
+    fn with<T: Real>(self) -> [f64; 3] {
         struct Inner<T>(std::marker::PhantomData<T>);
         impl<T: Real> Kernel for Inner<T> {
-            type Output = [f64; 2];
+            type Output = [f64; 3];
             #[inline(always)]
-            fn run(self) -> [f64; 2] {
+            fn run(self) -> [f64; 3] {
                 let all = numbers();
-                let mut worst = [0.0_f64; 2];
+                let mut worst = [0.0_f64; 3];
                 for k in 0..all.len() {
                     let at = |offset: usize| all[(k * 7 + offset) % all.len()];
                     let [a, b, c] = [0, 1000, 2222].map(|o| T::from_lanes(|j| at(o + j)));
@@ -44,6 +45,14 @@ impl AnyLanes for Check {
                             } else {
                                 assert!((found - expected).abs() <= 1e-323, "{found:e} {expected:e}");
                             }
+                        }
+                    }
+                    for j in 0..T::LANES {
+                        let (found, x) = (a.ln().lane(j), at(j));
+                        if x.is_normal() && x > 0.0 {
+                            worst[2] = worst[2].max(unit_error(found, x.ln()));
+                        } else if x < 0.0 || !x.is_finite() && T::LANES > 1 {
+                            assert!(found.is_nan(), "{x:e} {found:e}");
                         }
                     }
                     for j in 0..T::LANES {
@@ -85,9 +94,16 @@ impl AnyLanes for Check {
 #[test]
 fn every_instruction_set_computes_what_f64_does() {
     for set in InstructionSet::ALL.into_iter().filter(|s| s.is_available()) {
-        let [exp, tanh] = dispatch(set, Check);
-        assert!(exp < 3e-16 && tanh < 5e-16, "{set:?}: exp {exp:e}, tanh {tanh:e}");
+        let [exp, tanh, ln] = dispatch(set, Check);
+        assert!(exp < 3e-16 && tanh < 5e-16 && ln < 5e-16, "{set:?}: exp {exp:e}, tanh {tanh:e}, ln {ln:e}");
     }
+}
+
+/// Where there is no NEON its instructions are emulated.
+#[test]
+fn neon_computes_what_f64_does() {
+    let [exp, tanh, ln] = Check.with::<Lanes<super::neon::Neon>>();
+    assert!(exp < 3e-16 && tanh < 5e-16 && ln < 5e-16, "exp {exp:e}, tanh {tanh:e}, ln {ln:e}");
 }
 
 #[test]

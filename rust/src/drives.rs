@@ -1,0 +1,188 @@
+//! The inputs that drive the lanes of a plant, and where their readers stand.
+
+use crate::effects::upstream::Upstream;
+use crate::input::{Cursor, Input};
+use crate::linear::Vec3;
+use crate::real::Real;
+use std::sync::Arc;
+
+/// Most lanes of any scalar.
+const MOST_LANES: usize = 8;
+
+/// One input for all lanes, or one a lane.
+#[derive(Clone, Debug)]
+pub struct Drives<T> {
+    each: Vec<Drive>,
+    has_jumps: bool,
+    /// The samples that the lanes' inputs stood at last, and their pressures and rises to the next samples.
+    at: [usize; MOST_LANES],
+    from: Vec<T>,
+    rise: Vec<T>,
+}
+
+/// An input and where its readers stand.
+#[derive(Clone, Debug)]
+struct Drive {
+    input: Arc<Input>,
+    /// Its clock minus the plant's, s.
+    offset: f64,
+    cursor: Cursor,
+    /// Of those who look back or ahead.
+    elsewhere: Cursor,
+}
+
+impl Drive {
+    /// The first sample after `t` of the plant's clock.
+    #[inline(always)]
+    fn next_sample(&mut self, t: f64) -> f64 {
+        self.input.next_sample(t + self.offset, &mut self.elsewhere) - self.offset
+    }
+}
+
+impl<T: Real> Drives<T> {
+    /// `inputs[k]` drives lane `k` (the only one all lanes), its clock ahead of the plant's by the seconds given. Either
+    /// all inputs have forces or none.
+    pub fn new(inputs: Vec<(Arc<Input>, f64)>) -> Self {
+        let (cursor, elsewhere) = (Cursor::default(), Cursor::default());
+        let has_jumps = inputs.iter().any(|(input, _)| !input.jumps().is_empty());
+        let none = vec![T::zero(); inputs.first().map_or(0, |(input, _)| input.pressure_count())];
+        let each = inputs.into_iter().map(|(input, offset)| Drive { input, offset, cursor, elsewhere }).collect();
+        Self { each, has_jumps, at: [usize::MAX; MOST_LANES], from: none.clone(), rise: none }
+    }
+
+    /// Whether any of them jumps at any time: else limits from the left are values.
+    #[inline(always)]
+    pub fn has_jumps(&self) -> bool {
+        self.has_jumps
+    }
+
+    /// Whether there are external forces.
+    #[inline(always)]
+    pub fn has_forces(&self) -> bool {
+        self.each[0].input.has_forces()
+    }
+
+    /// The first time after `t` at which any of them jumps.
+    pub fn next_jump(&self, t: f64) -> f64 {
+        self.each.iter().map(|d| d.input.next_jump(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The pressures at `t`; `before`: the limit from the left.
+    #[inline(always)]
+    pub fn pressures(&mut self, t: f64, before: bool, out: &mut [T]) {
+        self.pressures_each([t; MOST_LANES], [before; MOST_LANES], out);
+    }
+
+    /// The pressures of every lane at a time of its own.
+    #[inline(always)]
+    fn pressures_each(&mut self, t: [f64; MOST_LANES], before: [bool; MOST_LANES], out: &mut [T]) {
+        let places = self.places(t, before);
+        let (mut at, mut weights) = ([0; MOST_LANES], [0.0; MOST_LANES]);
+        for (k, place) in places.iter().enumerate() {
+            (at[k], weights[k]) = *place;
+        }
+        if at != self.at {
+            self.at = at;
+            self.fetch();
+        }
+        let weight = if self.each.len() == 1 { T::from_f64(weights[0]) } else { T::from_lanes(|k| weights[k]) };
+        for ((p, from), rise) in out.iter_mut().zip(&self.from).zip(&self.rise) {
+            *p = rise.mul_add(weight, *from);
+        }
+    }
+
+    /// Fetches the samples that the inputs stand at.
+    #[inline(always)]
+    fn fetch(&mut self) {
+        let Self { each, at, from, rise, .. } = self;
+        for (j, (from, rise)) in from.iter_mut().zip(rise).enumerate() {
+            if let [drive] = each.as_slice() {
+                let (a, b) = drive.input.segment(at[0], j);
+                (*from, *rise) = (T::from_f64(a), T::from_f64(b));
+            } else {
+                *from = T::from_lanes(|k| each[k].input.segment(at[k], j).0);
+                *rise = T::from_lanes(|k| each[k].input.segment(at[k], j).1);
+            }
+        }
+    }
+
+    /// The forces at `t`.
+    #[inline(always)]
+    pub fn forces(&mut self, t: f64, before: bool, out: &mut [Vec3<T>]) {
+        let places = self.places([t; MOST_LANES], [before; MOST_LANES]);
+        let single = self.each.len() == 1;
+        for (i, f) in out.iter_mut().enumerate() {
+            for (c, f) in f.0.iter_mut().enumerate() {
+                *f = if single {
+                    T::from_f64(self.each[0].input.force(places[0], 3 * i + c))
+                } else {
+                    T::from_lanes(|k| self.each[k].input.force(places[k], 3 * i + c))
+                };
+            }
+        }
+    }
+
+    /// Where each lane's input stands.
+    #[inline(always)]
+    fn places(&mut self, t: [f64; MOST_LANES], before: [bool; MOST_LANES]) -> [(usize, f64); MOST_LANES] {
+        let mut places = [(0, 0.0); MOST_LANES];
+        for (k, (place, drive)) in places.iter_mut().zip(&mut self.each).enumerate() {
+            *place = drive.input.weight(t[k] + drive.offset, before[k], &mut drive.cursor);
+        }
+        places
+    }
+}
+
+/// The number in each lane. What takes a closure is given these: closures may stay out of line, where lanes are slow.
+#[inline(always)]
+fn each_lane<T: Real>(t: T) -> [f64; MOST_LANES] {
+    let mut out = [0.0; MOST_LANES];
+    for (k, out) in out.iter_mut().enumerate().take(T::LANES) {
+        *out = t.lane(k);
+    }
+    out
+}
+
+impl<T: Real> Upstream<T> for Drives<T> {
+    #[inline(always)]
+    fn read(&mut self, t: T, end: f64, out: &mut [T]) {
+        let t = each_lane(t);
+        let mut before = [false; MOST_LANES];
+        for (before, t) in before.iter_mut().zip(t) {
+            *before = t >= end;
+        }
+        self.pressures_each(t, before, out);
+    }
+
+    /// With the derivative by time only where one input drives all lanes.
+    #[inline(always)]
+    fn delayed(&mut self, t: T, channel: usize) -> T {
+        if let [drive] = self.each.as_mut_slice() {
+            return drive.input.pressure_at(t + drive.offset, channel);
+        }
+        let t = each_lane(t);
+        T::from_lanes(|k| {
+            let drive = &mut self.each[k];
+            // A jump counts from just after its time on, as it does in `pressure_at`.
+            let place = drive.input.weight(t[k] + drive.offset, true, &mut drive.elsewhere);
+            drive.input.pressure(place, channel)
+        })
+    }
+
+    #[inline(always)]
+    fn next_sample(&mut self, t: T) -> T {
+        let t = each_lane(t);
+        match self.each.as_mut_slice() {
+            [drive] => T::from_f64(drive.next_sample(t[0])),
+            drives => T::from_lanes(|k| drives[k].next_sample(t[k])),
+        }
+    }
+
+    fn next_jump(&self, t: f64) -> f64 {
+        Self::next_jump(self, t)
+    }
+
+    fn clock(&self) -> T {
+        T::from_lanes(|k| self.each[if self.each.len() == 1 { 0 } else { k }].offset)
+    }
+}
