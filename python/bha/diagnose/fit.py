@@ -45,12 +45,15 @@ class Problem:
         whiteners: one a log.
         engine: runs the simulations.
         cache: keeps finished fits.
+        restarts: plain coordinates from which every fit of a larger or smaller model starts as well, where the cost has
+            several valleys (stiff arms, see :mod:`bha.diagnose.baseline`).
     """
 
     records: tuple[Record, ...]
     whiteners: tuple[Whitener, ...]
     engine: Engine
     cache: Cache = field(default_factory=lambda: Cache(None, ""))
+    restarts: tuple[Array, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -309,6 +312,17 @@ def improve(
             jacobian = fit.jacobian.copy()
             jacobian[:, list(renew)] = columns(problem, fit, renew)
             fit = replace(fit, jacobian=jacobian)
+    return fit
+
+
+def restarted(problem: Problem, fit: Fit) -> Fit:
+    """``fit``, or if that ends lower the fit of the same model from a restart of the problem, all effects anew."""
+    effects = [v for effect in fit.model.effects for v in effect.begin]
+    for plain in problem.restarts:
+        start = evaluate(problem, fit.model, np.concatenate([plain, effects]), fit.states, fit.trust)
+        if np.isfinite(start.cost):
+            other = improve(problem, start, iterations=20, tolerance=2e-3, renewals=7)
+            fit = min(fit, other, key=lambda f: f.cost)
     return fit
 
 

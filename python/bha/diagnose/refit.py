@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnose.catalogue import Candidate, Ranges
-from bha.diagnose.fit import Fit, Problem, columns, evaluate, improve, weighted
+from bha.diagnose.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
 from bha.diagnose.holdout import Holdout, Prediction
 from bha.errors import ConvergenceError
 
@@ -149,6 +149,7 @@ def refit(
             )
         except ConvergenceError:
             return None
+        fit = restarted(problem, fit)
         store(problem, fit, name)
     return Trial(tuple(candidates), fit, holdout.predict(model, fit.x))
 
@@ -175,5 +176,6 @@ def without(problem: Problem, holdout: Holdout, trial: Trial, index: int, *, ite
         fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=2, tolerance=2e-3, limit=2.0)
     except ConvergenceError:
         return None
+    fit = restarted(problem, fit)
     rest = tuple(c for k, c in enumerate(trial.candidates) if k != index)
     return Trial(rest, fit, holdout.predict(fit.model, fit.x))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnose.catalogue import Ranges
+from bha.diagnose.catalogue import Ranges, members
 from bha.diagnose.fit import Fit, Problem, improve, with_sensitivities
 from bha.diagnose.holdout import Holdout, better, excesses
 from bha.diagnose.refit import Trial, bic, correlation_length, refit, store, stored, without
@@ -21,6 +21,9 @@ from bha.diagnose.screen import Scored, Screening, Signatures, score
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
+
+#: Difference of the criterion that is small where the cost has several valleys.
+CLOSE = 20.0
 
 
 @dataclass(frozen=True)
@@ -145,6 +148,8 @@ def _forward(
         chosen = promising(screening.ranking, taken, count, rules.per_kind, problem.rows / correlation)
         # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
         chosen = [scored for scored in chosen if scored.score > 0.5 * worth]
+        if problem.restarts:
+            chosen = _with_wider(chosen, screening.ranking, taken)
         if not chosen:
             state.notes.append(f"no further candidate promises {100 * rules.worth:.1f} % of the excess error")
             return
@@ -191,7 +196,37 @@ def _tried(
             say(f"effect {number}: refining {_names(trial)}")
             trials[k] = _refined(problem, holdout, trial)
             state.trials.append(trials[k])
-    return _sorted(trials, problem)
+    trials = _sorted(trials, problem)
+    return _widest_first(trials, problem) if problem.restarts and trials else trials
+
+
+def _with_wider(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[tuple[str, str]]) -> list[Scored]:
+    """``chosen``, each kind tried everywhere too: scores at a fit in a wrong valley tell less of the place."""
+    result = list(chosen)
+    for scored in chosen:
+        everywhere = (scored.candidate.kind, scored.candidate.plan.sorts[0])
+        known = [*taken, *(c.candidate.key for c in result)]
+        if scored.candidate.plan.parts and everywhere not in known:
+            result += [next(s for s in ranking if s.candidate.key == everywhere)]
+    return result
+
+
+def _widest_first(trials: list[Trial], problem: Problem) -> list[Trial]:
+    """The same trials, the first one exchanged for one of its kind in a wider place where that is hardly worse.
+
+    Where the cost has several valleys a small difference of the criterion is one of valleys, not of places.
+    """
+    best = trials[0]
+    correlation = correlation_length(problem, best.fit.residual)
+    limit = bic(best, problem, correlation) + CLOSE
+    core = best.fit.model.core
+    place = set(members(best.key[-1][1], best.candidates[-1].plan.parts, core))
+    for trial in trials[1:]:
+        kind, where = trial.key[-1]
+        wider = kind == best.key[-1][0] and place < set(members(where, trial.candidates[-1].plan.parts, core))
+        if wider and bic(trial, problem, correlation) < limit:
+            return [trial, *(t for t in trials if t is not trial)]
+    return trials
 
 
 def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
