@@ -45,13 +45,24 @@ def pressures(time: NDArray[np.float64], kind: str, rng: np.random.Generator, in
     return ambient + p
 
 
+def run_of(
+    arm: bha.Arm,
+    time: NDArray[np.float64],
+    p: NDArray[np.float64],
+    effects: list[dict[str, Any]],
+    options: bha.Options | None = None,
+) -> bha.Trajectory:
+    """The arm with effects under the pressures ``p``."""
+    tables = [{"kind": e["kind"], "where": e["where"], **e["parameters"]} for e in effects]
+    options = options or bha.Options(method="rk4", step=2.5e-3)
+    return bha.simulate(arm.with_effects(tables), bha.Input(time, p), options=options)
+
+
 def simulated(
     arm: bha.Arm, time: NDArray[np.float64], p: NDArray[np.float64], effects: list[dict[str, Any]]
 ) -> NDArray[np.float64]:
     """Measured lengths without noise."""
-    tables = [{"kind": e["kind"], "where": e["where"], **e["parameters"]} for e in effects]
-    options = bha.Options(method="rk4", step=2.5e-3)
-    run = bha.simulate(arm.with_effects(tables), bha.Input(time, p), options=options)
+    run = run_of(arm, time, p, effects)
     return np.asarray(run.lengths if run.measured_lengths is None else run.measured_lengths)
 
 

@@ -144,7 +144,9 @@ def _parameters(score: Score, true: dict[str, Any], named: dict[str, Any]) -> No
     about = [_number(given.get(f"about_{axis}")) for axis in "xy"]
     if about[0] is not None and about[1] is not None:
         given.setdefault("angle", math.hypot(about[0], about[1]))
-    for key, value in true["comparable"].items():
+    for key, reading in true["comparable"].items():
+        # The answer is the sensor's gain, a diagnosis has that from the reading to the pressure that acts.
+        value = -reading / (1.0 + reading) if (true["kind"], key) == ("pressure_gain", "gain") else reading
         for alias in ALIASES.get((true["kind"], key), (key,)):
             guess = _number(given.get(alias))
             if guess is None:

@@ -19,11 +19,11 @@ from scipy.fft import dct
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin
 
-from bha import _core, names
+from bha import _core
 from bha.diagnose.cache import Cache
 from bha.diagnose.engine import Engine, Job
 from bha.diagnose.fit import Fit, Problem, evaluate, improve, weighted, with_sensitivities
-from bha.diagnose.model import Model
+from bha.diagnose.model import DAMPING_SPREAD, Model
 from bha.diagnose.noise import (
     QUIET_FREQUENCY,
     TOP_FREQUENCY,
@@ -36,7 +36,17 @@ from bha.diagnose.noise import (
 )
 from bha.diagnose.records import Record
 from bha.diagnose.smoothing import filtered
-from bha.diagnose.steps import CHECKED_TIME, COARSE_ERROR_SHARE, STEP_ERROR_SHARE, noise_of, root_mean_square
+from bha.diagnose.start import first_state, tells_state
+from bha.diagnose.steps import (
+    CHECKED_TIME,
+    COARSE_ERROR_SHARE,
+    COARSE_MISFIT_SHARE,
+    FAR_OFF,
+    MISFIT_SHARE,
+    STEP_ERROR_SHARE,
+    noise_of,
+    root_mean_square,
+)
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
@@ -46,10 +56,11 @@ Method = Literal["rk4", "ros2"]
 METHODS: tuple[Method, ...] = ("rk4", "ros2")
 #: Length of the pieces of the first fit, s.
 WINDOW_TIME = 0.8
+#: Factors on the file's damping from which the plain model of a stiff arm is fitted, and how far off it plausibly is:
+#: one standard deviation of its logarithm.
+STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
 #: Draws of pressure noise per log for the noise model.
 DRAWS = 3
-#: Time from the start of a log that gives the first guess of its initial state, s.
-START_TIME = 0.06
 
 
 @dataclass(frozen=True)
@@ -64,6 +75,7 @@ class Prepared:
         coarse: step where only differences between runs are wanted, s.
         step_error: RMS difference to half the step, m.
         method: of integration.
+        errors: the steps that were tried with that method and stay stable, s, and the error of each, m.
     """
 
     records: tuple[Record, ...]
@@ -73,6 +85,11 @@ class Prepared:
     coarse: float
     step_error: float
     method: Method = "rk4"
+    errors: tuple[tuple[float, float], ...] = ()
+
+    def longest_step(self, error: float) -> float:
+        """The longest step with at most that error, s; ``step`` if there is none."""
+        return max((step for step, found in self.errors if found <= error), default=self.step)
 
 
 def thin(record: Record, factor: int) -> Record:
@@ -103,24 +120,6 @@ def cut_to(record: Record, thinned: Record) -> Record:
     return replace(record, rows=record.rows[inside], outputs=record.outputs[inside], good=record.good[inside])
 
 
-def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
-    """Initial state from the first measured lengths; at rest under the first pressures where not all were measured.
-
-    Raises:
-        ConvergenceError: no rest, and no lengths to start from.
-    """
-    wanted = [names.length_name(i, k) for i in range(1, sections + 1) for k in (1, 2, 3)]
-    if all(name in record.channels for name in wanted):
-        columns = [record.channels.index(name) for name in wanted]
-        time = record.output_time
-        count = max(6, int(np.searchsorted(time, time[0] + START_TIME)))
-        slope, start = np.polyfit(time[:count] - time[0], record.outputs[:count][:, columns], 1)
-        return np.concatenate([start, slope])
-    first = int(record.rows[0])
-    q = arm.static_lengths(record.pressures[first], None if record.forces is None else record.forces[first])
-    return np.concatenate([q, np.zeros(3 * sections)])
-
-
 def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float, Method], Engine]) -> Prepared:
     """Choose the coarsest step whose error stays below the noise, thin the logs accordingly, guess initial states.
 
@@ -142,7 +141,7 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     ]
     noise = noise_of(records)
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
-    coarse: float | None = None
+    errors: dict[Method, list[tuple[float, float]]] = {method: [] for method in METHODS}
     for step in steps:
         # The implicit method costs more a step; arms whose damping outweighs their inertia are stiff and need it.
         for method in METHODS:
@@ -150,13 +149,13 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
             error = root_mean_square(fine, finer)
             if not np.isfinite(error):
                 continue
-            if method == "rk4" and error <= COARSE_ERROR_SHARE * noise:
-                coarse = coarse or step
+            errors[method].append((step, error))
+            near = error <= COARSE_ERROR_SHARE * noise
             if error <= STEP_ERROR_SHARE * noise or (step == steps[-1] and method == "rk4"):
                 full = tuple(cut_to(r, t) for r, t in zip(records, thinned, strict=True))
-                differences = (coarse or step) if method == "rk4" else step
-                return Prepared(thinned, full, states, step, differences, error, method)
-            if method == "rk4" and coarse is not None:
+                found = Prepared(thinned, full, states, step, step, error, method, tuple(errors[method]))
+                return replace(found, coarse=found.longest_step(COARSE_ERROR_SHARE * noise))
+            if method == "rk4" and near:
                 # Not stiff, only not exact enough: smaller steps of the cheap method do.
                 break
     raise ConvergenceError(
@@ -166,13 +165,12 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
 
 
 def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | None:
-    """The logs in pieces of ``WINDOW_TIME``; None where the lengths were not measured and pieces have no start.
+    """The logs in pieces of ``WINDOW_TIME``; None where pieces have no start: neither lengths nor heads were measured.
 
     Open loop over a whole log, an arm that is off by 15 per cent may run away, and so may every step of a fit from
     there; over a short time from the measured state it does not (multiple shooting: Bock 1983).
     """
-    wanted = [names.length_name(i, k) for i in range(1, sections + 1) for k in (1, 2, 3)]
-    if not all(name in records[0].channels for name in wanted):
+    if not tells_state(records[0].channels, sections):
         return None
     pieces = []
     for record in records:
@@ -273,6 +271,61 @@ class Baseline:
     prepared: Prepared
 
 
+def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel, engine: Engine) -> tuple[Array, list[Array]]:
+    """Plain parameters by multiple shooting, and guesses of the logs' initial states."""
+    records, x = prepared.records, np.zeros(model.size)
+    arm = _core.Arm(model.arm(x))
+    pieces = windows(records, model.sections)
+    parts = pieces or records
+    begin = prepared.states if pieces is None else [first_state(arm, r, model.sections) for r in pieces]
+    problem = Problem(parts, tuple(Whitener(r, rough) for r in parts), engine)
+    fit = improve(problem, evaluate(problem, model, x, begin), iterations=20, tolerance=0.02, renewals=5)
+    return fit.x, list(prepared.states if pieces is not None else fit.states)
+
+
+def with_wide_damping(model: Model) -> Model:
+    """The model with dampings that may plausibly be off by a factor of ten and more."""
+    weight = (DAMPING_SPREAD / STIFF_DAMPING_SPREAD) ** 2
+    plain = (replace(c, prior=weight) if c.path[0] == "damping" else c for c in model.plain)
+    return replace(model, plain=tuple(plain))
+
+
+def with_damping(model: Model, x: Array, factor: float) -> Array:
+    """Plain coordinates ``x`` with dampings at ``factor`` times the file's."""
+    damped = (c.coordinate(factor * c.nominal) if c.path[0] == "damping" else None for c in model.plain)
+    return np.array([v if d is None else d for v, d in zip(x, damped, strict=True)])
+
+
+def _damped_fit(model: Model, prepared: Prepared, problem: Problem) -> tuple[Array, list[Array]]:
+    """Plain parameters and initial states of a stiff arm from whole logs, from several dampings; the best fit counts.
+
+    What is damped more than it weighs does not run away, so that whole logs can be fitted. Pieces would mislead: an arm
+    that hardly moves fits each of them, from its own start, whatever the springs. How strong the damping is no swing
+    tells, and files are off by orders of magnitude; a weak one hides in what the springs make up for.
+    """
+    nominal = evaluate(problem, model, np.zeros(model.size), prepared.states)
+    quick = replace(problem, engine=_engine_for(problem.engine, prepared, nominal, problem))
+    fits = []
+    for factor in STIFF_DAMPINGS:
+        x = with_damping(model, np.zeros(model.size), factor)
+        fit = evaluate(quick, model, x, prepared.states)
+        if np.isfinite(fit.cost):
+            fits.append(improve(quick, fit, iterations=40, tolerance=1e-3, renewals=12))
+    if not fits:
+        raise ConvergenceError("the simulation diverges at the start of the fit; is the arm's file that of the logs?")
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.x, list(best.states)
+
+
+def _engine_for(engine: Engine, prepared: Prepared, fit: Fit, problem: Problem) -> Engine:
+    """The engine, with a longer step where the plain model is off by so much more than noise that a share is enough."""
+    if not FAR_OFF < problem.misfit(fit) < np.inf:
+        return engine
+    misfit = problem.misfit(fit) * noise_of(prepared.records)
+    step = prepared.longest_step(MISFIT_SHARE * misfit)
+    return engine.with_step(step, prepared.longest_step(COARSE_MISFIT_SHARE * misfit))
+
+
 def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, cache: Cache | None = None) -> Baseline:
     """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
 
@@ -281,22 +334,20 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
     """
     cache = cache or Cache(None, "")
     records = prepared.records
-    x, states = np.zeros(model.size), prepared.states
     # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
     rough = noise_model(records, [[] for _ in records])
+    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
     known = cache.get("rough")
+    stiff = prepared.method == "ros2"
+    if stiff:
+        model = with_wide_damping(model)
     if known is None:
-        pieces = windows(records, model.sections)
-        begin = states if pieces is None else [first_state(_core.Arm(model.arm(x)), r, model.sections) for r in pieces]
-        parts = pieces or records
-        problem = Problem(parts, tuple(Whitener(r, rough) for r in parts), engine, cache)
-        start = improve(problem, evaluate(problem, model, x, begin), iterations=20, tolerance=0.02, renewals=5)
-        x, states = start.x, states if pieces is not None else start.states
+        x, states = _damped_fit(model, prepared, problem) if stiff else _pieces_fit(model, prepared, rough, engine)
         cache.put("rough", x=x, states=np.array(states))
     else:
-        x, states = known["x"], tuple(known["states"])
-    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
+        x, states = known["x"], list(known["states"])
     fit = evaluate(problem, model, x, states)
+    engine = _engine_for(engine, prepared, fit, problem)
     disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
     noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed))
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
@@ -306,4 +357,6 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
         cache.put("plain", x=fit.x, states=np.array(fit.states))
     else:
         fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)
+    if stiff:
+        problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
     return Baseline(problem, noise, with_sensitivities(problem, fit), prepared)

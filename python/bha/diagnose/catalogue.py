@@ -192,7 +192,15 @@ class Candidate:
             )
             coordinates.append(coordinate)
             start.append(coordinate.coordinate(begin.get(shape.name, nominal)))
-        term = EffectTerm(self.kind, self.where, tuple(coordinates), dict(self.plan.fixed), self.plan.numbers)
+        fixed = dict(self.plan.fixed)
+        anew = list(start)
+        if self.plan.grid and self.plan.begin is not None:
+            # As probed: both ways of a lag alike.
+            probed = self.plan.begin([1.0] * len(self.plan.probed(self.shape)), self.shape)
+            anew = [
+                c.coordinate(probed.get(str(c.path[-1]), c.value(v))) for c, v in zip(coordinates, start, strict=True)
+            ]
+        term = EffectTerm(self.kind, self.where, tuple(coordinates), fixed, self.plan.numbers, tuple(anew))
         return term, start
 
 

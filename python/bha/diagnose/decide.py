@@ -31,6 +31,8 @@ class Limits:
         closure: least share of the excess that the named effects must remove.
         left: greatest error left over noise at which a closure below ``good_closure`` still counts as explained.
         good_closure: closure from which on any error left is a matter of the effect's form.
+        fine: gap over noise from which the sensors are so fine that no model of this kind comes near their noise: then
+            the closure alone decides, and what is left is said.
     """
 
     deviations: float = 4.0
@@ -39,6 +41,7 @@ class Limits:
     closure: float = 0.7
     left: float = 2.5
     good_closure: float = 0.8
+    fine: float = 100.0
 
 
 @dataclass(frozen=True)
@@ -125,11 +128,14 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
             f"the best known effects remove {100 * closure:.0f} % of the excess error on held-out logs only",
             closure,
         )
-    if closure < limits.good_closure and left > limits.left:
+    removed = f"{100 * closure:.0f} % of the excess error on held-out logs is removed"
+    fine = gap.ratio > limits.fine
+    if closure < limits.good_closure and left > limits.left and not fine:
         return Verdict(
             "unknown",
             f"the best known effects leave an error of {left:.1f} times the noise "
             f"({100 * closure:.0f} % of the excess removed)",
             closure,
         )
-    return Verdict("named", f"{100 * closure:.0f} % of the excess error on held-out logs is removed", closure)
+    rest = f"; what is left is {left:.0f} times the noise and not explained" if fine else ""
+    return Verdict("named", removed + rest, closure)

@@ -74,6 +74,10 @@ class Engine:
         self.count = 0
         self._tick = tick
 
+    def with_step(self, step: float, coarse: float | None = None) -> Engine:
+        """An engine like this one with other steps, s."""
+        return Engine(step, self.threads, coarse, self._tick, self.method)
+
     def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
         step = self.coarse if coarse else self.step

@@ -20,7 +20,7 @@ from bha.diagnose.engine import Engine, Job
 from bha.diagnose.model import Model
 from bha.diagnose.noise import Whitener
 from bha.diagnose.records import Record
-from bha.diagnose.steps import COARSE_ERROR_SHARE, far_apart
+from bha.diagnose.steps import COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, allowed, far_apart
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
@@ -46,17 +46,24 @@ class Problem:
         whiteners: one a log.
         engine: runs the simulations.
         cache: keeps finished fits.
+        restarts: plain coordinates from which every fit of a larger or smaller model starts as well, where the cost has
+            several valleys (stiff arms, see :mod:`bha.diagnose.baseline`).
     """
 
     records: tuple[Record, ...]
     whiteners: tuple[Whitener, ...]
     engine: Engine
     cache: Cache = field(default_factory=lambda: Cache(None, ""))
+    restarts: tuple[Array, ...] = ()
 
     @property
     def rows(self) -> int:
         """Number of white numbers in all."""
         return sum(w.kept * len(r.channels) for w, r in zip(self.whiteners, self.records, strict=True))
+
+    def misfit(self, fit: Fit) -> float:
+        """Error of a fit over that of a right model."""
+        return float(np.sqrt(fit.squares / self.rows))
 
     def simulate(self, model: Model, x: Array, states: Sequence[Array]) -> list[Array]:
         """Outputs of every log."""
@@ -191,7 +198,8 @@ def with_base(problem: Problem, fit: Fit, jobs: Sequence[Job]) -> tuple[list[Arr
     first = problem.jobs(fit.model, fit.model.arm(fit.x), fit.states)
     count = len(first)
     outputs = problem.engine.run([*first, *jobs], coarse=True)
-    if far_apart(problem.records, outputs[:count], fit.outputs, COARSE_ERROR_SHARE):
+    share = allowed(COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, problem.misfit(fit))
+    if far_apart(problem.records, outputs[:count], fit.outputs, share):
         outputs = problem.engine.run([*first, *jobs])
     return outputs[:count], outputs[count:]
 
@@ -315,6 +323,17 @@ def improve(
             jacobian = fit.jacobian.copy()
             jacobian[:, list(renew)] = columns(problem, fit, renew)
             fit = replace(fit, jacobian=jacobian)
+    return fit
+
+
+def restarted(problem: Problem, fit: Fit) -> Fit:
+    """``fit``, or if that ends lower the fit of the same model from a restart of the problem, all effects anew."""
+    effects = [v for effect in fit.model.effects for v in effect.begin]
+    for plain in problem.restarts:
+        start = evaluate(problem, fit.model, np.concatenate([plain, effects]), fit.states, fit.trust)
+        if np.isfinite(start.cost):
+            other = improve(problem, start, iterations=20, tolerance=2e-3, renewals=7)
+            fit = min(fit, other, key=lambda f: f.cost)
     return fit
 
 

@@ -108,6 +108,7 @@ class EffectTerm:
         fixed: numbers that stay.
         numbers: what makes the numbers of the file from those that are fitted, where they are others (a wall's angle
             and distance).
+        begin: coordinates from which they are fitted when nothing better is known.
     """
 
     kind: str
@@ -115,6 +116,7 @@ class EffectTerm:
     coordinates: tuple[Coordinate, ...]
     fixed: Mapping[str, float] = field(default_factory=dict)
     numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
+    begin: tuple[float, ...] = ()
 
     @property
     def label(self) -> str:
@@ -199,9 +201,10 @@ def with_effect_tables(core: Core, effects: Sequence[Mapping[str, Any]]) -> Core
 def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
     """Write one plain number into the core's description.
 
-    ``("mass", i)`` moves the inertia along, since (56) is proportional to the mass. ``("tangent_stiffness", i, place)``
-    (see :func:`set_tangent_stiffness`), ``("damping", i)``, ``("rest_length", i)`` and ``("terminal_area", i)`` act on
-    all bellows of the section, whose differences stay in proportion.
+    ``("mass", i)`` moves the inertia along, since (56) is proportional to the mass. ``("rest_length", i, k)`` is that
+    of one bellows. ``("tangent_stiffness", i, place)`` (see :func:`set_tangent_stiffness`), ``("damping", i)``,
+    ``("rest_length", i)`` and ``("terminal_area", i)`` act on all bellows of the section, whose differences stay in
+    proportion.
     """
     key, section = str(path[0]), core["section"][int(path[1])]
     if key == "mass":
@@ -216,6 +219,8 @@ def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
         section["center_of_mass"] = [*section["center_of_mass"][:2], value]
     elif key == "bending_stiffness":
         section["bending_stiffness"] = [value, *section["bending_stiffness"][1:]]
+    elif key == "rest_length" and len(path) > 2:
+        section["bellows"][int(path[2])][key] = value
     elif key == "tangent_stiffness":
         set_tangent_stiffness(section, path[2], value)
     else:
@@ -285,7 +290,7 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
             False,
             ("center_of_mass", i),
         ),
-        Coordinate(f"{place} rest_length", "m", rest, REST_SPREAD * rest, False, ("rest_length", i), low=0.01 * rest),
+        *_rest_lengths(arm, i, section),
         scaled("damping", "N s/m", max(float(bellows["damping"]), 1e-3), DAMPING_SPREAD),
     ]
     first = stiffness[0] if stiffness[0] > 0.0 else 1.0
@@ -314,3 +319,16 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     if stated is not None and stated.status == "assumed":
         found.append(scaled("terminal_area", "m^2", float(bellows["terminal_area"]), AREA_SPREAD))
     return found
+
+
+def _rest_lengths(arm: Arm, i: int, section: Core) -> list[Coordinate]:
+    """One for all bellows of the section, or one each where the file states one for each."""
+    stated = arm.parameters.sections[i].bellows
+    lengths = [float(b["rest_length"]) for b in section["bellows"]]
+    chosen: list[tuple[str, tuple[str | int, ...], float]] = [(f"section {i + 1}", ("rest_length", i), lengths[0])]
+    if stated is not None and all(bellows.rest_length is not None for bellows in stated):
+        chosen = [(f"bellows {i + 1}{k + 1}", ("rest_length", i, k), rest) for k, rest in enumerate(lengths)]
+    return [
+        Coordinate(f"{name} rest_length", "m", rest, REST_SPREAD * rest, False, path, low=0.01 * rest)
+        for name, path, rest in chosen
+    ]

@@ -37,6 +37,9 @@ FEWEST_FRESH = 40
 #: Least noise of an output that is assumed, as a share of what the outputs of its kind travel: no arm is described more
 #: finely by sections of constant curvature, whatever the sensor resolves.
 LEAST_NOISE_SHARE = 3e-4
+#: An arm rests if no output travels by more than this share of what the outputs travel, within this time, s, under
+#: pressures that have been constant for as long; sought in the first share of a log.
+REST_TRAVEL, REST_TIME, REST_SHARE = 5e-3, 1.0, 0.5
 #: Shortest time without change after which a channel that otherwise changes counts as frozen, s.
 FROZEN_TIME = 1.0
 
@@ -273,6 +276,31 @@ def prepare(arm: Arm, log: Log, *, commanded: bool = False, name: str | None = N
         facts=facts,
         pressure_facts=pressure_facts,
     )
+
+
+def from_rest(record: Record) -> Record:
+    """The record from where the arm first rests under its pressures; as it is if it does so at once, or never.
+
+    For commanded pressures: what the chambers hold when a log begins is not known, unless the arm has come to rest.
+    """
+    time, outputs = record.output_time, record.outputs
+    least = np.maximum(
+        REST_TRAVEL * np.ptp(np.quantile(outputs, [0.02, 0.98], axis=0), axis=0).max(), 6.0 * record.noise
+    )
+    constant_since = time[0]
+    changes = iter(record.time[1:][np.any(np.diff(record.pressures, axis=0) != 0.0, axis=1)])
+    change = next(changes, np.inf)
+    for row, now in enumerate(time):
+        while change <= now:
+            constant_since, change = change, next(changes, np.inf)
+        end = int(np.searchsorted(time, now + REST_TIME))
+        if end >= len(time) or now > time[0] + REST_SHARE * (time[-1] - time[0]):
+            break
+        # A command that has just come shows in the arm only later.
+        rested = row == 0 or now - constant_since >= REST_TIME
+        if rested and change > time[end] and np.all(np.ptp(outputs[row:end], axis=0) <= least):
+            return record if row == 0 else record.between(float(now), float(record.time[-1]))
+    return record
 
 
 def measured_outputs(arm: Arm, log: Log) -> tuple[list[str], list[Array]]:

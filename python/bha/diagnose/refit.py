@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnose.catalogue import Candidate, Ranges
-from bha.diagnose.fit import Fit, Problem, columns, evaluate, improve, weighted
+from bha.diagnose.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
 from bha.diagnose.holdout import Holdout, Prediction
 from bha.diagnose.steps import resolved
 from bha.errors import ConvergenceError
@@ -128,7 +128,7 @@ def refit(
     x = np.concatenate([start.x[:old], *(np.array(begin, dtype=np.float64) for _, begin in made)])
     # Strengths start at zero: the step has to do for those that are expected.
     expected = np.where((x == 0.0) & (np.arange(len(x)) >= old), 1.0, x)
-    model = resolved(problem.engine, problem.records, model, expected, start.states)
+    model = resolved(problem.engine, problem.records, model, expected, start.states, problem.misfit(start))
     fit = evaluate(problem, model, x, start.states, start.trust)
     if not np.isfinite(fit.cost):
         return None
@@ -153,6 +153,7 @@ def refit(
             )
         except ConvergenceError:
             return None
+        fit = restarted(problem, fit)
         store(problem, fit, name)
     return Trial(tuple(candidates), fit, holdout.predict(model, fit.x))
 
@@ -179,5 +180,6 @@ def without(problem: Problem, holdout: Holdout, trial: Trial, index: int, *, ite
         fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=2, tolerance=2e-3, limit=2.0)
     except ConvergenceError:
         return None
+    fit = restarted(problem, fit)
     rest = tuple(c for k, c in enumerate(trial.candidates) if k != index)
     return Trial(rest, fit, holdout.predict(fit.model, fit.x))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnose.catalogue import Candidate, Ranges
+from bha.diagnose.catalogue import Candidate, Ranges, members
 from bha.diagnose.fit import Fit, Problem, evaluate, improve, with_sensitivities
 from bha.diagnose.holdout import Holdout, better, excesses
 from bha.diagnose.refit import Trial, bic, correlation_length, refit, store, stored, without
@@ -25,6 +25,10 @@ Say = Callable[[str], None]
 
 #: Mean square of the white residual below which what is left is noise.
 NOISE_LEFT = 1.02
+#: Kinds of one form that begin where the other's range of lengths ends.
+KIN = {"hysteresis": "friction", "friction": "hysteresis"}
+#: Difference of the criterion that is small where the cost has several valleys.
+CLOSE = 20.0
 
 
 @dataclass(frozen=True)
@@ -41,8 +45,11 @@ class Rules:
         rank: greatest p-value of the paired rank test on held-out blocks that keeps it.
         share: least share of the excess error on held-out blocks that it has to remove.
         worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        rest: least share of what the effects so far leave of that excess; reaching this one is enough, too: beside a
+            strong effect a weaker one counts that explains much of what the strong one does not.
         near: a candidate is refitted if it promises at least this share of what the best one does.
         like: the same for a look-alike against what it would replace.
+        bound: a candidate on a bound gives way to one that is not and brings at least this share of its gain.
         element: least share of what is left of the training error that a further branch or stage has to remove.
         refined: a runner-up is refined too if it brings at least this share of what the first one brings.
     """
@@ -56,8 +63,10 @@ class Rules:
     rank: float = 0.02
     share: float = 0.025
     worth: float = 0.02
+    rest: float = 0.3
     near: float = 0.25
     like: float = 0.6
+    bound: float = 0.8
     element: float = 0.1
     refined: float = 0.7
 
@@ -158,10 +167,15 @@ def _forward(
         taken = [c.key for c in current.candidates]
         chosen = promising(screening.ranking, taken, count, rules.per_kind, problem.rows / correlation)
         # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
-        least = max(0.5 * worth, rules.near * max((scored.score for scored in chosen), default=0.0))
+        enough = min(worth, rules.rest * max(0.0, current.fit.squares - problem.rows))
+        least = max(0.5 * enough, rules.near * max((scored.score for scored in chosen), default=0.0))
         chosen = [scored for scored in chosen if scored.score > least]
+        chosen = _with_kin(chosen, screening.ranking, taken)
+        if problem.restarts:
+            chosen = _with_wider(chosen, screening.ranking, taken)
         if not chosen:
-            state.notes.append(f"no further candidate promises {100 * rules.worth:.1f} % of the excess error")
+            share = 100.0 * enough / max(worth / rules.worth, 1e-9)
+            state.notes.append(f"no further candidate promises {share:.2g} % of the excess error")
             return
         trials = _tried(problem, holdout, ranges, say, state, chosen)
         if not trials:
@@ -169,7 +183,7 @@ def _forward(
         state.rivals.append(trials)
         correlation = correlation_length(problem, trials[0].fit.residual)
         gain = bic(current, problem, correlation) - bic(trials[0], problem, correlation)
-        if gain < rules.forward or current.fit.squares - trials[0].fit.squares < worth:
+        if gain < rules.forward or current.fit.squares - trials[0].fit.squares < enough:
             state.notes.append(f"{_names(trials[0])} lowers the criterion by {gain:.1f} only: not taken in")
             return
         state.best = trials[0]
@@ -206,7 +220,66 @@ def _tried(
             say(f"effect {number}: refining {_names(trial)}")
             trials[k] = _refined(problem, holdout, trial)
             state.trials.append(trials[k])
-    return _sorted(trials, problem)
+    trials = _off_bounds_first(_sorted(trials, problem), current, problem, state.rules)
+    return _widest_first(trials, problem) if problem.restarts and trials else trials
+
+
+def _with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[tuple[str, str]]) -> list[Scored]:
+    """``chosen`` with the kinds of the same form in the same places: only a refit tells stiction from hysteresis."""
+    result = list(chosen)
+    for scored in chosen:
+        kin = (KIN.get(scored.candidate.kind, ""), scored.candidate.where)
+        if kin not in [*taken, *(c.candidate.key for c in result)]:
+            result += [s for s in ranking if s.candidate.key == kin][:1]
+    return result
+
+
+def _off_bounds_first(trials: list[Trial], current: Trial, problem: Problem, rules: Rules) -> list[Trial]:
+    """The same trials, the first one, if it sits on a bound, exchanged for one that does not and is nearly as good."""
+    if not trials or not _on_bound(trials[0]):
+        return trials
+    correlation = correlation_length(problem, trials[0].fit.residual)
+    before = bic(current, problem, correlation)
+    needed = rules.bound * (before - bic(trials[0], problem, correlation))
+    for trial in trials[1:]:
+        if not _on_bound(trial) and before - bic(trial, problem, correlation) >= needed:
+            return [trial, *(t for t in trials if t is not trial)]
+    return trials
+
+
+def _on_bound(trial: Trial) -> bool:
+    """Whether the newest effect of a trial has a number on a bound: then it is not this kind, or not here."""
+    coordinates, x = trial.fit.model.effects[-1].coordinates, trial.fit.model.split(trial.fit.x)[1][-1]
+    return any(c.at_bound(float(v)) for c, v in zip(coordinates, x, strict=True))
+
+
+def _with_wider(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[tuple[str, str]]) -> list[Scored]:
+    """``chosen``, each kind tried everywhere too: scores at a fit in a wrong valley tell less of the place."""
+    result = list(chosen)
+    for scored in chosen:
+        everywhere = (scored.candidate.kind, scored.candidate.plan.sorts[0])
+        known = [*taken, *(c.candidate.key for c in result)]
+        if scored.candidate.plan.parts and everywhere not in known:
+            result += [next(s for s in ranking if s.candidate.key == everywhere)]
+    return result
+
+
+def _widest_first(trials: list[Trial], problem: Problem) -> list[Trial]:
+    """The same trials, the first one exchanged for one of its kind in a wider place where that is hardly worse.
+
+    Where the cost has several valleys a small difference of the criterion is one of valleys, not of places.
+    """
+    best = trials[0]
+    correlation = correlation_length(problem, best.fit.residual)
+    limit = bic(best, problem, correlation) + CLOSE
+    core = best.fit.model.core
+    place = set(members(best.key[-1][1], best.candidates[-1].plan.parts, core))
+    for trial in trials[1:]:
+        kind, where = trial.key[-1]
+        wider = kind == best.key[-1][0] and place < set(members(where, trial.candidates[-1].plan.parts, core))
+        if wider and bic(trial, problem, correlation) < limit:
+            return [trial, *(t for t in trials if t is not trial)]
+    return trials
 
 
 def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
@@ -220,7 +293,7 @@ def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
     name = f"refined {[(c.key, sorted(c.shape.items())) for c in trial.candidates]}"
     fit = trial.fit
     # What was found may be stiffer than what was expected.
-    model = resolved(problem.engine, problem.records, fit.model, fit.x, fit.states)
+    model = resolved(problem.engine, problem.records, fit.model, fit.x, fit.states, problem.misfit(fit))
     if model.finer != fit.model.finer:
         fit = evaluate(problem, model, fit.x, fit.states, fit.trust)
     known = stored(problem, fit, name)
@@ -304,7 +377,12 @@ def _swap(
 
 
 def _elements(problem: Problem, holdout: Holdout, ranges: Ranges, rules: Rules, say: Say, state: Search) -> None:
-    """Second branches and stages of what was named: the names stay, their form comes nearer to the arm's."""
+    """Second branches and stages of what was named: the names stay, their form comes nearer to the arm's.
+
+    Not where the cost has several valleys: there another stage is a way into one of them.
+    """
+    if problem.restarts:
+        return
     for k, candidate in enumerate(state.best.candidates):
         plan = candidate.plan
         if plan.further is None:

@@ -24,6 +24,9 @@ STEP_ERROR_SHARE = 0.15
 COARSE_ERROR_SHARE = 1.0
 #: The same for a candidate: many are tried, and the error is alike in all runs that are compared.
 CANDIDATE_ERROR_SHARE = 0.5
+#: Where a model errs by more than this times the noise, the integration may err by these shares of that, the second
+#: where only differences are wanted: no effect of the catalogue brings it down to the noise.
+FAR_OFF, MISFIT_SHARE, COARSE_MISFIT_SHARE = 100.0, 1.0 / 100.0, 1.0 / 10.0
 #: Divisors of the step that are tried for a candidate.
 DIVISORS = (1, 2, 4)
 #: Part of each log on which a step is checked, s.
@@ -45,9 +48,17 @@ def far_apart(records: Sequence[Record], first: Sequence[Array], second: Sequenc
     return not root_mean_square(first, second) <= share * noise_of(records)
 
 
-def resolved(engine: Engine, records: Sequence[Record], model: Model, x: Array, states: Sequence[Array]) -> Model:
-    """``model`` with the coarsest step that its effects at ``x`` allow."""
+def allowed(share: float, far_off: float, misfit: float) -> float:
+    """Greatest error over the noise: ``share``, or that share ``far_off`` of a model's ``misfit`` where it is large."""
+    return max(share, far_off * misfit) if FAR_OFF < misfit < np.inf else share
+
+
+def resolved(
+    engine: Engine, records: Sequence[Record], model: Model, x: Array, states: Sequence[Array], misfit: float
+) -> Model:
+    """``model`` with the coarsest step that its effects at ``x`` allow; ``misfit`` as for :func:`allowed`."""
     text = model.arm(x)
+    share = allowed(CANDIDATE_ERROR_SHARE, MISFIT_SHARE, misfit)
     rows = [min(len(r.rows), int(CHECKED_TIME / r.sample_time)) for r in records]
 
     def outputs(finer: int) -> list[Array]:
@@ -56,6 +67,6 @@ def resolved(engine: Engine, records: Sequence[Record], model: Model, x: Array, 
     found = {1: outputs(1)}
     for finer in DIVISORS[:-1]:
         found[2 * finer] = outputs(2 * finer)
-        if not far_apart(records, found[finer], found[2 * finer], CANDIDATE_ERROR_SHARE):
+        if not far_apart(records, found[finer], found[2 * finer], share):
             return replace(model, finer=max(finer, model.finer))
     return replace(model, finer=DIVISORS[-1])

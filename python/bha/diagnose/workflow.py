@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnose import catalogue, excitation
-from bha.diagnose.baseline import Baseline, Prepared, cut_to, first_state, fit_baseline, prepare_runs, thin
+from bha.diagnose.baseline import Baseline, Prepared, cut_to, fit_baseline, prepare_runs, thin
 from bha.diagnose.cache import Cache, key_of
 from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
 from bha.diagnose.engine import Engine, Job
@@ -22,13 +22,14 @@ from bha.diagnose.holdout import Holdout
 from bha.diagnose.intervals import confidences, coordinate_draws, intervals
 from bha.diagnose.model import EffectTerm, Model, plain_model
 from bha.diagnose.noise import Whitener
-from bha.diagnose.records import Record, prepare, split, with_least_noise
+from bha.diagnose.records import Record, from_rest, prepare, split, with_least_noise
 from bha.diagnose.refit import Trial, bic, correlation_length
 from bha.diagnose.residual import describe_residual
 from bha.diagnose.result import CandidateLine, Correction, Diagnosis, Effect, Gap, Number, plain
 from bha.diagnose.screen import Signatures, probe, score
 from bha.diagnose.select import Rules, Search, search
 from bha.diagnose.smoothing import smoothed
+from bha.diagnose.start import first_state
 from bha.diagnose.where import locate
 from bha.errors import InputError
 
@@ -98,12 +99,17 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     options = (commanded, seed, rules, prepared.step, kinds)
     cache = Cache(cache_folder, key_of(json.dumps(model.core), [*train, *held], options))
     baseline = fit_baseline(model, prepared, engine, seed, cache)
-    problem, plain_fit = baseline.problem, baseline.fit
+    problem, plain_fit, engine = baseline.problem, baseline.fit, baseline.problem.engine
     holdout = _holdout(baseline, prepared, held, engine)
     held = [cut_to(r, t) for r, t in zip(held, holdout.problem.records, strict=True)]
     prediction = holdout.predict(plain_fit.model, plain_fit.x)
     first = Trial((), plain_fit, prediction)
     state = Search(first, first, rules)
+    state.notes += [
+        f"{r.name}: counts from {r.time[0]:.1f} s on, where the arm rests under its commands"
+        for r, log in zip([*train, *held], [*logs, *holdout_logs], strict=False)
+        if commanded and r.time[0] > log.time[0]
+    ]
     noise_rms = _noise_rms(baseline)
     say("testing the gap")
     comparable = np.isfinite(prediction.mean_square)
@@ -175,7 +181,10 @@ def _records(
             )
     if not held:
         train, held = split(train)
-    whole = smoothed(with_least_noise([*train, *held]))
+    whole = with_least_noise([*train, *held])
+    if commanded:
+        whole = [from_rest(record) for record in whole]
+    whole = smoothed(whole)
     return whole[: len(train)], whole[len(train) :]
 
 
