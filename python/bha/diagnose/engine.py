@@ -57,6 +57,7 @@ class Engine:
         coarse: float | None = None,
         tick: Callable[[int], None] | None = None,
         method: Literal["rk4", "ros2"] = "rk4",
+        shares: Sequence[float] = STEP_SHARES,
     ) -> None:
         """An engine.
 
@@ -66,17 +67,19 @@ class Engine:
             coarse: step where only differences between runs are wanted, s: their errors cancel to first order.
             tick: told of the number of finished jobs.
             method: of integration; the linearly implicit ``ros2`` for stiff arms.
+            shares: shares of the step that are tried in turn where a run diverges.
         """
         self.step = step
         self.coarse = coarse or step
         self.threads = threads or 0
         self.method = method
+        self.shares = tuple(shares)
         self.count = 0
         self._tick = tick
 
     def with_step(self, step: float, coarse: float | None = None) -> Engine:
         """An engine like this one with other steps, s."""
-        return Engine(step, self.threads, coarse, self._tick, self.method)
+        return Engine(step, self.threads, coarse, self._tick, self.method, self.shares)
 
     def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
@@ -120,7 +123,7 @@ class Engine:
         if not live:
             return [nothing] * len(jobs)
         needs_heads = any(not name.startswith("q") for name in record.channels)
-        for share in STEP_SHARES:
+        for share in self.shares:
             lengths, _, heads, _, _ = _core.simulate_batch(
                 built,
                 inputs,

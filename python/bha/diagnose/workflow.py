@@ -93,7 +93,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     train, held = _records(arm, logs, holdout_logs, commanded)
     model = plain_model(arm)
     say("choosing the integration step")
-    prepared = prepare_runs(model, train, lambda step, method: Engine(step, threads, method=method))
+    prepared = prepare_runs(model, train, lambda step, method: Engine(step, threads, method=method, shares=(1.0,)))
     engine = Engine(prepared.step, threads, prepared.coarse, method=prepared.method)
     say("re-identifying the plain model")
     options = (commanded, seed, rules, prepared.step, kinds)
