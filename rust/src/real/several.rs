@@ -146,11 +146,14 @@ impl<T: Real, const N: usize> Real for Several<T, N> {
 mod tests {
     use super::*;
 
+    /// What several numbers together gave, and what each of them should.
+    type Case = (Several<f64, 3>, fn(f64, f64) -> f64);
+
     #[test]
     fn each_number_goes_its_own_way() {
         let of = |f: fn(usize) -> f64| Several::<f64, 3>::from_lanes(f);
         let (x, y) = (of(|k| 1.5 + k as f64), of(|k| 0.25 * (k as f64 - 1.0)));
-        let pairs: [(Several<f64, 3>, fn(f64, f64) -> f64); 8] = [
+        let pairs: [Case; 8] = [
             (x + y, |x, y| x + y),
             (x * y - x, |x, y| x * y - x),
             (-x / (y + 2.0), |x, y| -x / (y + 2.0)),
