@@ -146,9 +146,13 @@ def test_faults_are_named(table: str, expected: str) -> None:
 def test_the_same_twice_is_refused() -> None:
     creep = '\n[[effect]]\nkind = "creep"\nwhere = "all"\nstiffness = 1.0\ntau = 1.0\n'
     assert 'effect 2: kind: "creep" at "all" is already effect 1' in fault(creep * 2)
+    band = '\n[[effect]]\nkind = "valve_dead_band"\nwhere = "all"\nband = {}\n'
+    assert "allowed: one" in fault(band.format(1.0) + band.format(2.0))
+    assert len(read(band.format(1.0) + band.replace('"all"', '"input p11"').format(2.0)).effects) == 2
+    # Stages in series.
     lag = '\n[[effect]]\nkind = "pressure_lag"\nwhere = "all"\nfill = {}\nvent = 1.0\n'
-    assert "allowed: one" in fault(lag.format(1.0) + lag.format(2.0))
-    assert len(read(lag.format(1.0) + lag.replace('"all"', '"input p11"').format(2.0)).effects) == 2
+    assert "several with different numbers" in fault(lag.format(1.0) * 2)
+    assert len(read(lag.format(1.0) + lag.format(2.0)).effects) == 2
 
 
 def test_the_core_refuses_what_only_it_can_judge() -> None:
