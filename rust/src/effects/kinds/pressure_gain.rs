@@ -19,7 +19,7 @@ impl<T: Real> Effect<T> for PressureGain<T> {
     const SUMMARY: &'static str = "gain error of a pressure sensor: (1 + gain) times the pressure above ambient acts";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Input];
     const PARAMETERS: &'static [Parameter] =
-        &[Parameter::new("gain", "", -0.5..=0.5, "relative excess of acting over logged pressure, both above ambient")];
+        &[Parameter::new("gain", "", -0.9..=2.0, "relative excess of acting over logged pressure, both above ambient")];
 
     fn new(definition: &Definition, values: &[T]) -> Self {
         Self { gain: values[0], ambient: definition.ambient_pressure, inputs: definition.target.inputs.clone() }
