@@ -123,7 +123,7 @@ def region_figure(rows: Sequence[dict[str, Any]]) -> Any:
 
 
 def candidates_figure(found: Diagnosis) -> Any:
-    """What the best candidates would explain, and what their refits gave."""
+    """What the best candidates would explain, and the held-out error of those that were refitted."""
     go = _plotly()
     shown = list(reversed(found.candidates[:15]))
     names = [escape(f"{c.kind} at {c.where}") for c in shown]
@@ -134,11 +134,11 @@ def candidates_figure(found: Diagnosis) -> Any:
             y=names,
             orientation="h",
             marker_color=[ACCENT if r is not None else NOISE for r in refitted],
-            text=["" if r is None else f"refitted: {1e3 * r:.3g} mm held out" for r in refitted],
+            text=["" if r is None else f"{1e3 * r:.3g} mm" for r in refitted],
             textposition="auto",
         )
     )
-    figure.update_xaxes(title="share of the error it would explain, %")
+    figure.update_xaxes(title="share of error explained, %")
     return _layout(figure, 120 + 24 * len(shown), showlegend=False)
 
 

@@ -66,6 +66,7 @@ def report_html(outcome: Outcome, arm_name: str) -> str:
         parts += [_effect(e) for e in found.effects]
     else:
         parts.append("<h2>What</h2><p>No effect is named.</p>")
+    parts.append("<p>What each candidate alone promises; green: refitted, with the error on held-out logs.</p>")
     figure.add(figures.candidates_figure(found))
     parts.append("<h2>The arm, measured against simulated</h2>")
     figure.add(figures.arm_figure(outcome))
