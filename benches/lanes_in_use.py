@@ -58,11 +58,12 @@ def diagnosis() -> Callable[[], str]:
     sys.path.insert(0, str(BLIND))
     from blindgen import make_case  # noqa: PLC0415  (not part of the package)
 
-    case = Path(tempfile.mkdtemp()) / "case"
-    make_case(7, "weak_bellows", "bellows 22", 1.0, "standard", case, duration_factor=0.2)
-    arm = bha.Arm.load(case / "arm.toml")
-    train = [bha.Log.read(case / f"train_{name}.csv") for name in ("steps", "multisine", "release")]
-    held = [bha.Log.read(case / f"holdout_{k}.csv") for k in (1, 2)]
+    with tempfile.TemporaryDirectory() as folder:
+        case = Path(folder) / "case"
+        make_case(7, "weak_bellows", "bellows 22", 1.0, "standard", case, duration_factor=0.2)
+        arm = bha.Arm.load(case / "arm.toml")
+        train = [bha.Log.read(case / f"train_{name}.csv") for name in ("steps", "multisine", "release")]
+        held = [bha.Log.read(case / f"holdout_{k}.csv") for k in (1, 2)]
 
     def run() -> str:
         found = bha.diagnose(arm, train, held, threads=1)

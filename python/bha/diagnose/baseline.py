@@ -38,12 +38,12 @@ from bha.diagnose.records import Record
 from bha.diagnose.smoothing import filtered
 from bha.diagnose.start import first_state, tells_state
 from bha.diagnose.steps import (
-    CHECKED_TIME,
     COARSE_ERROR_SHARE,
     COARSE_MISFIT_SHARE,
     FAR_OFF,
     MISFIT_SHARE,
     STEP_ERROR_SHARE,
+    checked_rows,
     noise_of,
     root_mean_square,
 )
@@ -135,10 +135,7 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     factor = max([1, *(f for f in (2, 3, 4) if f * sample <= 0.4 / TOP_FREQUENCY)])
     thinned = tuple(thin(r, factor) for r in records)
     states = tuple(first_state(arm, r, model.sections) for r in thinned)
-    jobs = [
-        Job(text, r, s, rows=min(len(r.rows), int(CHECKED_TIME / r.sample_time)))
-        for r, s in zip(thinned, states, strict=True)
-    ]
+    jobs = [Job(text, r, s, rows=checked_rows(r)) for r, s in zip(thinned, states, strict=True)]
     noise = noise_of(records)
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
     errors: dict[Method, list[tuple[float, float]]] = {method: [] for method in METHODS}

@@ -128,6 +128,10 @@ class EffectTerm:
         values = {str(c.path[-1]): c.value(v) for c, v in zip(self.coordinates, x, strict=True)}
         return self.numbers({**self.fixed, **values})
 
+    def on_bound(self, x: Array) -> set[str]:
+        """Names of the numbers that sit on a bound at the coordinates ``x``."""
+        return {str(c.path[-1]) for c, v in zip(self.coordinates, x, strict=True) if c.at_bound(float(v))}
+
 
 @dataclass(frozen=True)
 class Model:
@@ -164,13 +168,14 @@ class Model:
         """The same plain arm with other effects."""
         return replace(self, effects=tuple(effects))
 
+    def place(self, number: int) -> slice:
+        """Where the coordinates of one effect stand in ``x``."""
+        first = len(self.plain) + sum(len(e.coordinates) for e in self.effects[:number])
+        return slice(first, first + len(self.effects[number].coordinates))
+
     def split(self, x: Array) -> tuple[Array, list[Array]]:
         """Plain coordinates, and those of each effect."""
-        parts, at = [], len(self.plain)
-        for effect in self.effects:
-            parts.append(x[at : at + len(effect.coordinates)])
-            at += len(effect.coordinates)
-        return x[: len(self.plain)], parts
+        return x[: len(self.plain)], [x[self.place(k)] for k in range(len(self.effects))]
 
     def description(self, x: Array) -> Core:
         """The core's description at ``x``."""

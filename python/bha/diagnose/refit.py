@@ -161,9 +161,8 @@ def refit(
 def drop(start: Fit, index: int) -> Fit:
     """``start`` without its effect ``index``: not fitted again, and without outputs of its own."""
     model = start.model.with_effects([e for k, e in enumerate(start.model.effects) if k != index])
-    first = len(start.model.plain) + sum(len(e.coordinates) for e in start.model.effects[:index])
-    last = first + len(start.model.effects[index].coordinates)
-    keep = [k for k in range(start.model.size) if not first <= k < last]
+    gone = start.model.place(index)
+    keep = [k for k in range(start.model.size) if not gone.start <= k < gone.stop]
     jacobian = None if start.jacobian is None else start.jacobian[:, keep]
     return replace(start, model=model, x=start.x[keep], jacobian=jacobian)
 

@@ -118,7 +118,7 @@ def probe(
         return Signatures(tuple(candidates), tuple(columns), np.asarray(known["table"], dtype=np.float32))
     table = np.zeros((problem.rows, len(changes)), dtype=np.float32)
     text = json.dumps(core)
-    plain = [Job(text, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
+    plain = problem.jobs(fit.model, text, fit.states)
     count = len(plain)
     for first in range(0, len(changes), BATCH):
         tell(first / len(changes))
@@ -158,7 +158,7 @@ def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, An
             jobs += [Job(plain, r, s, next(p)) for r, s, p in zip(problem.records, fit.states, acting, strict=True)]
         else:
             text = json.dumps(with_effect_tables(core, [effect]))
-            jobs += [Job(text, r, s) for r, s in zip(problem.records, fit.states, strict=True)]
+            jobs += problem.jobs(fit.model, text, fit.states)
     return jobs
 
 

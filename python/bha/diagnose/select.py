@@ -241,16 +241,19 @@ def _off_bounds_first(trials: list[Trial], current: Trial, problem: Problem, rul
     correlation = correlation_length(problem, trials[0].fit.residual)
     before = bic(current, problem, correlation)
     needed = rules.bound * (before - bic(trials[0], problem, correlation))
-    for trial in trials[1:]:
-        if not _on_bound(trial) and before - bic(trial, problem, correlation) >= needed:
-            return [trial, *(t for t in trials if t is not trial)]
-    return trials
+    return _first(trials, lambda t: not _on_bound(t) and before - bic(t, problem, correlation) >= needed)
+
+
+def _first(trials: list[Trial], wanted: Callable[[Trial], bool]) -> list[Trial]:
+    """The same trials, the first of the others that is ``wanted`` in front."""
+    chosen = next((t for t in trials[1:] if wanted(t)), trials[0])
+    return [chosen, *(t for t in trials if t is not chosen)]
 
 
 def _on_bound(trial: Trial) -> bool:
     """Whether the newest effect of a trial has a number on a bound: then it is not this kind, or not here."""
-    coordinates, x = trial.fit.model.effects[-1].coordinates, trial.fit.model.split(trial.fit.x)[1][-1]
-    return any(c.at_bound(float(v)) for c, v in zip(coordinates, x, strict=True))
+    model = trial.fit.model
+    return bool(model.effects[-1].on_bound(trial.fit.x[model.place(-1)]))
 
 
 def _with_wider(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[tuple[str, str]]) -> list[Scored]:
@@ -274,12 +277,13 @@ def _widest_first(trials: list[Trial], problem: Problem) -> list[Trial]:
     limit = bic(best, problem, correlation) + CLOSE
     core = best.fit.model.core
     place = set(members(best.key[-1][1], best.candidates[-1].plan.parts, core))
-    for trial in trials[1:]:
+
+    def wanted(trial: Trial) -> bool:
         kind, where = trial.key[-1]
         wider = kind == best.key[-1][0] and place < set(members(where, trial.candidates[-1].plan.parts, core))
-        if wider and bic(trial, problem, correlation) < limit:
-            return [trial, *(t for t in trials if t is not trial)]
-    return trials
+        return wider and bic(trial, problem, correlation) < limit
+
+    return _first(trials, wanted)
 
 
 def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
@@ -391,8 +395,8 @@ def _elements(problem: Problem, holdout: Holdout, ranges: Ranges, rules: Rules, 
         correlation = correlation_length(problem, current.fit.residual)
         if current.fit.squares / problem.rows < NOISE_LEFT:
             return
-        _, parts = current.fit.model.split(current.fit.x)
-        old = current.fit.model.effects[k].parameters([float(v) for v in parts[k]])
+        model = current.fit.model
+        old = model.effects[k].parameters([float(v) for v in current.fit.x[model.place(k)]])
         start = with_sensitivities(problem, current.fit)
         for shape in plan.further(old):
             say(f"a further element of {candidate.kind} at {candidate.where}")

@@ -38,6 +38,11 @@ def noise_of(records: Sequence[Record]) -> float:
     return float(np.median([np.median(r.noise) for r in records]))
 
 
+def checked_rows(record: Record) -> int:
+    """Rows of a log on which a step is checked."""
+    return min(len(record.rows), int(CHECKED_TIME / record.sample_time))
+
+
 def root_mean_square(first: Sequence[Array], second: Sequence[Array]) -> float:
     """RMS difference of the outputs of two sets of runs, m; NaN where one diverged."""
     return float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(first, second, strict=True)])))
@@ -59,7 +64,7 @@ def resolved(
     """``model`` with the coarsest step that its effects at ``x`` allow; ``misfit`` as for :func:`allowed`."""
     text = model.arm(x)
     share = allowed(CANDIDATE_ERROR_SHARE, MISFIT_SHARE, misfit)
-    rows = [min(len(r.rows), int(CHECKED_TIME / r.sample_time)) for r in records]
+    rows = [checked_rows(r) for r in records]
 
     def outputs(finer: int) -> list[Array]:
         return engine.run([Job(text, r, s, rows=n, finer=finer) for r, s, n in zip(records, states, rows, strict=True)])

@@ -348,14 +348,13 @@ def _effects(
         number, candidate = numbers[0], final.candidates[numbers[0]]
         elements = [_Element.of(final.fit, k, draws) for k in numbers]
         parameters = _numbers(elements, candidate.plan.adding if len(numbers) > 1 else ())
-        bounds = [c.at_bound(float(v)) for e in elements for c, v in zip(e.term.coordinates, e.x, strict=True)]
         spans = [
-            uncertainty[e.first + k]
+            interval
             for e in elements
-            for k, c in enumerate(e.term.coordinates)
+            for c, interval in zip(e.term.coordinates, uncertainty[e.place], strict=True)
             if str(c.path[-1]) in candidate.plan.passive
         ]
-        empirical = any(bounds) or any(high < 0.0 for _, high in spans)
+        empirical = any(e.term.on_bound(e.x) for e in elements) or any(high < 0.0 for _, high in spans)
         rivals = _rivals(state, chosen, number, problem, correlation)
         alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
         refitted = {t.key[number] for t, _ in rivals}
@@ -405,19 +404,12 @@ class _Element:
     term: EffectTerm
     x: Array
     draws: Array
-    first: int
+    place: slice
 
     @classmethod
     def of(cls, fit: Fit, number: int, draws: Array) -> _Element:
-        first = len(fit.model.plain) + sum(len(e.coordinates) for e in fit.model.effects[:number])
-        term = fit.model.effects[number]
-        part = slice(first, first + len(term.coordinates))
-        return cls(term, fit.x[part], draws[:, part], first)
-
-    def at_bound(self, name: str) -> bool:
-        return any(
-            c.at_bound(float(v)) for c, v in zip(self.term.coordinates, self.x, strict=True) if c.path[-1] == name
-        )
+        place = fit.model.place(number)
+        return cls(fit.model.effects[number], fit.x[place], draws[:, place], place)
 
 
 def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[str, Number]:
@@ -441,7 +433,7 @@ def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[s
             value=float(sum(values[k][name] for k in counted)),
             unit=ranges(term.kind, name)[0],
             ci95=interval,
-            at_bound=any(elements[k].at_bound(name) for k in counted),
+            at_bound=any(name in elements[k].term.on_bound(elements[k].x) for k in counted),
         )
     return result
 
