@@ -41,25 +41,31 @@ struct Read<'a> {
 /// Work and the lanes to do it with.
 struct With<W, V>(W, PhantomData<V>);
 
+/// Does work on so many inputs with as many registers side by side as they fill.
+fn side_by_side<V: Real, W>(inputs: usize, work: W)
+where
+    With<W, V>: Kernel<Output = ()>,
+    With<W, Several<V, 2>>: Kernel<Output = ()>,
+    With<W, Several<V, 3>>: Kernel<Output = ()>,
+{
+    match inputs.div_ceil(V::LANES) {
+        0 | 1 => V::enter(With(work, PhantomData::<V>)),
+        2 => V::enter(With(work, PhantomData::<Several<V, 2>>)),
+        _ => V::enter(With(work, PhantomData::<Several<V, 3>>)),
+    }
+}
+
 impl AnyLanes for Fill<'_> {
     type Output = ();
     fn with<V: Real>(self) {
-        match self.chambers.now.len().div_ceil(V::LANES) {
-            0 | 1 => V::enter(With(self, PhantomData::<V>)),
-            2 => V::enter(With(self, PhantomData::<Several<V, 2>>)),
-            _ => V::enter(With(self, PhantomData::<Several<V, 3>>)),
-        }
+        side_by_side::<V, _>(self.chambers.now.len(), self);
     }
 }
 
 impl AnyLanes for Read<'_> {
     type Output = ();
     fn with<V: Real>(self) {
-        match self.chambers.now.len().div_ceil(V::LANES) {
-            0 | 1 => V::enter(With(self, PhantomData::<V>)),
-            2 => V::enter(With(self, PhantomData::<Several<V, 2>>)),
-            _ => V::enter(With(self, PhantomData::<Several<V, 3>>)),
-        }
+        side_by_side::<V, _>(self.chambers.now.len(), self);
     }
 }
 
