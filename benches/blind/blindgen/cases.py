@@ -154,8 +154,9 @@ def build_case(
         logs[name] = log
         force = np.zeros_like(clean[name].force) if log.force is None else log.force
         coarse = excitations[name].coarse(FLOOR_COARSE)
-        best = replay(truth, coarse, log.pressure, force, clean[name].start, index * LOG_GAP_TIME)
-        floor[name] = _rms(best - log.lengths)
+        lengths, positions = replay(truth, coarse, log.pressure, force, clean[name].start, index * LOG_GAP_TIME)
+        best = [lengths - log.lengths] if log.heads is None else [lengths - log.lengths, positions - log.heads]
+        floor[name] = _rms(np.concatenate(best, axis=1))
 
     gap: dict[str, Any] = {"train": None, "holdout": None}
     if estimate_gap:

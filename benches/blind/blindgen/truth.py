@@ -173,8 +173,9 @@ def simulate_log(truth: Truth, excitation: Excitation, campaign_time: float = 0.
 
 def replay(
     truth: Truth, excitation: Excitation, pressure: Array, force: Array, start: State, campaign_time: float = 0.0
-) -> Array:
-    """Lengths (as read) from logged samples, linear in between, from the true start: no model can do better.
+) -> tuple[Array, Array]:
+    """Lengths (as read) and head positions from logged samples, linear in between, from the true start: no model can do
+    better.
 
     ``excitation`` gives the step and, before the first sample, the true pressure, so that lags and dead times start
     right.
@@ -193,5 +194,7 @@ def replay(
     state.time = campaign_time
     end = begin + fine.shape[0]
     acting = acting_pressure(truth.path, truth.plant.ambient_pressure, p, 0.5 * step)
-    lengths, _, _ = run(truth.plant, truth.hidden, state, acting[begin:end], f[begin:end], step=step, stride=per // 2)
-    return (1.0 + truth.sensors.gain) * lengths + truth.sensors.offset
+    lengths, heads, _ = run(
+        truth.plant, truth.hidden, state, acting[begin:end], f[begin:end], step=step, stride=per // 2
+    )
+    return (1.0 + truth.sensors.gain) * lengths + truth.sensors.offset, heads
