@@ -9,6 +9,7 @@ import numpy as np
 from bha.diagnose.engine import Engine, Job
 from bha.diagnose.model import plain_model
 from bha.diagnose.records import Record, prepare
+from bha.diagnose.steps import resolved
 
 from .synthetic import make_logs, one_section
 
@@ -46,3 +47,19 @@ def test_parameters_without_a_model_give_nan_and_leave_the_others_alone() -> Non
     found, wrong = Engine(0.0025, 1).run([stiff, Job(json.dumps(core), record, stiff.state)])
     assert np.all(np.isfinite(found))
     assert np.all(np.isnan(wrong))
+
+
+def test_a_model_stiffer_than_the_file_asks_for_finer_steps() -> None:
+    stiff, record = stiff_job()
+    model, engine = plain_model(ARM), Engine(0.005, 1, coarse=0.01)
+    x = np.array([np.log(15.0) / c.spread if c.path[0] == "damping" else 0.0 for c in model.coordinates])
+    runs = [Job(model.arm(x), record, stiff.state)]
+    # Repeated until they stay finite, its runs would not show that the step is too long.
+    assert np.all(np.isfinite(engine.run(runs)[0]))
+    assert not np.all(np.isfinite(engine.once().run(runs)[0]))
+    found = resolved(engine, [record], model, x, [stiff.state], 1.0)
+    assert found.finer > 1
+    finer = [Job(model.arm(x), record, stiff.state, finer=found.finer)]
+    assert np.all(np.isfinite(engine.once().run(finer)[0]))
+    assert np.all(np.isfinite(engine.run(finer, coarse=True)[0]))
+    assert resolved(engine, [record], model, np.zeros(model.size), [stiff.state], 1.0).finer == 1

@@ -81,6 +81,10 @@ class Engine:
         """An engine like this one with other steps, s."""
         return Engine(step, self.threads, coarse, self._tick, self.method, self.shares)
 
+    def once(self) -> Engine:
+        """An engine like this one that leaves a run that diverges as it is."""
+        return Engine(self.step, self.threads, self.coarse, self._tick, self.method, (1.0,))
+
     def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
         step = self.coarse if coarse else self.step

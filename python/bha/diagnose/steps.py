@@ -34,8 +34,8 @@ CHECKED_TIME = 6.0
 
 
 def noise_of(records: Sequence[Record]) -> float:
-    """A typical standard deviation of the noise of the outputs, m."""
-    return float(np.median([np.median(r.noise) for r in records]))
+    """A typical error of a right model, m: noise of the outputs, and what the arm does otherwise each time."""
+    return float(np.median([np.median(np.maximum(r.noise, r.repeat_noise)) for r in records]))
 
 
 def checked_rows(record: Record) -> int:
@@ -62,7 +62,7 @@ def resolved(
     engine: Engine, records: Sequence[Record], model: Model, x: Array, states: Sequence[Array], misfit: float
 ) -> Model:
     """``model`` with the coarsest step that its effects at ``x`` allow; ``misfit`` as for :func:`allowed`."""
-    text = model.arm(x)
+    text, engine = model.arm(x), engine.once()
     share = allowed(CANDIDATE_ERROR_SHARE, MISFIT_SHARE, misfit)
     rows = [checked_rows(r) for r in records]
 
