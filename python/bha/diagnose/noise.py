@@ -3,10 +3,11 @@
 What: a right model still differs from the logs by (1) the noise of the output sensors, perhaps coloured, and (2) the
 noise of the pressure sensors, which drives the simulated arm and comes out shaped by its resonances, the same for all
 outputs of a section. Both are described by one covariance matrix of the outputs per frequency band; (2) by simulating a
-few draws of pressure noise. The whitening takes the cosine transform in time (real, orthonormal, and unlike Fourier's
-without a step where the log ends), divides every band by the Cholesky factor of its covariance, drops what lies above
-``top_frequency``, where no arm moves, and transforms back: rows that are white with variance one under a right model,
-in fewer samples, still ordered in time.
+few draws of pressure noise. Where logs repeat each other, (3) is what the arm does otherwise each time: alike in all
+bands, for a few repeats do not tell a spectrum, and no model is finer at one frequency than at another. The whitening
+takes the cosine transform in time (real, orthonormal, and unlike Fourier's without a step where the log ends), divides
+every band by the Cholesky factor of its covariance, drops what lies above ``top_frequency``, where no arm moves, and
+transforms back: rows that are white with variance one under a right model, in fewer samples, still ordered in time.
 Validity: noise that is stationary within a log; bands that are wide against the resolution of a log.
 """
 
@@ -104,6 +105,7 @@ class NoiseModel:
         covariance: covariance of one cosine coefficient in each band, m^2, shape (b, channels, channels).
         sensor: standard deviation of the output sensors, m, shape (channels,).
         pressure_part: RMS of what the pressure noise does to each output, m, shape (channels,).
+        repeat_part: RMS of what the arm does otherwise each time, beyond the sensors' noise, m, shape (channels,).
         colours: of each output the share of the sensor's variance that is coloured, and its correlation time, s; (0, 0)
             for white noise.
     """
@@ -112,12 +114,13 @@ class NoiseModel:
     covariance: Array
     sensor: Array
     pressure_part: Array
+    repeat_part: Array
     colours: tuple[tuple[float, float], ...] = ()
 
     @property
     def floor(self) -> Array:
         """RMS error of a right model in each output, m, shape (channels,)."""
-        return np.asarray(np.sqrt(self.sensor**2 + self.pressure_part**2))
+        return np.asarray(np.sqrt(self.sensor**2 + self.pressure_part**2 + self.repeat_part**2))
 
 
 def band_edges(duration: float, top: float) -> Array:
@@ -176,9 +179,13 @@ def noise_model(
     shape = np.stack([s.density(centres, sample_time) for s in sensors], axis=1)
     # Within the band that is left, thinning divides the variance of a coefficient.
     thinning = float(np.mean([r.thinning for r in records]))
-    covariance += np.einsum("bi,ij->bij", shape * sensor**2 / thinning, np.eye(channels))
+    repeated = np.mean([r.repeat_noise**2 for r in records], axis=0)
+    repeat_part = np.sqrt(np.maximum(repeated - sensor**2, 0.0))
+    # What an arm does is slow and loses nothing by thinning.
+    covariance += np.einsum("bi,ij->bij", shape * sensor**2 / thinning + repeat_part**2, np.eye(channels))
     pressure_part = np.sqrt(np.mean(pressure_squares, axis=0)) if pressure_squares else np.zeros(channels)
-    return NoiseModel(edges, covariance, sensor, pressure_part, tuple((s.share, s.time) for s in sensors))
+    colours = tuple((s.share, s.time) for s in sensors)
+    return NoiseModel(edges, covariance, sensor, pressure_part, repeat_part, colours)
 
 
 class Whitener:

@@ -55,6 +55,8 @@ class ChannelFacts:
         quantum: distance of neighbouring readings, 0 where they are not on a grid.
         held: share of rows in which the sensor repeats its last value.
         frozen: intervals ``(from, to)``, s, in which it does not change at all although it does elsewhere.
+        repeat_noise: what the arm does otherwise each time, RMS over the channels of its kind, in that unit; 0 where no
+            log repeats another.
     """
 
     name: str
@@ -63,6 +65,7 @@ class ChannelFacts:
     quantum: float
     held: float
     frozen: tuple[tuple[float, float], ...] = ()
+    repeat_noise: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,11 @@ class Record:
     def noise(self) -> Array:
         """Noise of the outputs, m, shape (channels,)."""
         return np.array([fact.noise for fact in self.facts])
+
+    @property
+    def repeat_noise(self) -> Array:
+        """What the arm does otherwise each time, m, shape (channels,)."""
+        return np.array([fact.repeat_noise for fact in self.facts])
 
     @property
     def pressure_noise(self) -> Array:

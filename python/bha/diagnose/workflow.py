@@ -24,6 +24,7 @@ from bha.diagnose.model import EffectTerm, Model, plain_model
 from bha.diagnose.noise import Whitener
 from bha.diagnose.records import Record, from_rest, prepare, split, with_least_noise
 from bha.diagnose.refit import Trial, bic, correlation_length
+from bha.diagnose.repeats import repeats, with_repeat_noise
 from bha.diagnose.residual import describe_residual
 from bha.diagnose.result import CandidateLine, Correction, Diagnosis, Effect, Gap, Number, plain
 from bha.diagnose.screen import Signatures, probe, score
@@ -91,6 +92,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
 
     say("preparing the logs")
     train, held = _records(arm, logs, holdout_logs, commanded)
+    repeated = repeats(train)
+    train, held = with_repeat_noise(train, repeated), with_repeat_noise(held, repeated)
     model = plain_model(arm)
     say("choosing the integration step")
     prepared = prepare_runs(model, train, lambda step, method: Engine(step, threads, method=method, shares=(1.0,)))
@@ -109,6 +112,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         f"{r.name}: counts from {r.time[0]:.1f} s on, where the arm rests under its commands"
         for r, log in zip([*train, *held], [*logs, *holdout_logs], strict=False)
         if commanded and r.time[0] > log.time[0]
+    ]
+    state.notes += [
+        f"{r.names[0]} and {r.names[1]} have the same inputs: what sets their outputs apart, {1e3 * r.rms:.2g} mm RMS "
+        "in each, counts as noise"
+        for r in repeated
     ]
     noise_rms = _noise_rms(baseline)
     say("testing the gap")
@@ -206,7 +214,7 @@ def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], eng
 
 
 def _noise_rms(baseline: Baseline) -> float:
-    """Open-loop RMS error of a right model on all rows of a log, m: sensor noise and what pressure noise does."""
+    """Open-loop RMS error of a right model on all rows of a log, m: noise of sensors and pressures, unlike repeats."""
     return float(np.sqrt(np.mean(baseline.noise.floor**2)))
 
 
