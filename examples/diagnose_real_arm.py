@@ -36,8 +36,8 @@ HELD_OUT = ("jan10_both_2", "jan10_right_3")
 AMBIENT = 101325.0
 #: Rows come every 1 to 110 ms, and the arm creeps for seconds: means over this time lose nothing and are regular.
 INTERVAL = 0.1
-#: More places a kind than usual, fewer effects: an arm that is far off is ranked roughly, and every refit takes long.
-RULES = Rules(most=3, tried=(5, 2), per_kind=3)
+#: Fewer effects than usual: every refit of an arm that creeps takes long, and the fourth would be no cause.
+RULES = Rules(most=3, tried=(4, 2))
 
 
 def starting_arm() -> bha.Arm:

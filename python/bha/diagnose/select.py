@@ -27,8 +27,6 @@ Say = Callable[[str], None]
 NOISE_LEFT = 1.02
 #: Kinds of one form that begin where the other's range of lengths ends.
 KIN = {"hysteresis": "friction", "friction": "hysteresis"}
-#: Difference of the criterion that is small where the cost has several valleys.
-CLOSE = 20.0
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,7 @@ class Rules:
         bound: a candidate on a bound gives way to one that is not and brings at least this share of its gain.
         element: least share of what is left of the training error that a further branch or stage has to remove.
         refined: a runner-up is refined too if it brings at least this share of what the first one brings.
+        narrow: share of its gain by which a narrower place has to be better, where the cost has several valleys.
     """
 
     most: int = 4
@@ -69,6 +68,7 @@ class Rules:
     bound: float = 0.8
     element: float = 0.1
     refined: float = 0.7
+    narrow: float = 0.2
 
 
 @dataclass
@@ -173,6 +173,7 @@ def _forward(
         chosen = _with_kin(chosen, screening.ranking, taken)
         if problem.restarts:
             chosen = _with_wider(chosen, screening.ranking, taken)
+            chosen = _with_rivals(chosen, screening.ranking, taken, state.rivals)
         if not chosen:
             share = 100.0 * enough / max(worth / rules.worth, 1e-9)
             state.notes.append(f"no further candidate promises {share:.2g} % of the excess error")
@@ -221,7 +222,7 @@ def _tried(
             trials[k] = _refined(problem, holdout, trial)
             state.trials.append(trials[k])
     trials = _off_bounds_first(_sorted(trials, problem), current, problem, state.rules)
-    return _widest_first(trials, problem) if problem.restarts and trials else trials
+    return _widest_first(trials, current, problem, state.rules) if problem.restarts and trials else trials
 
 
 def _with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[tuple[str, str]]) -> list[Scored]:
@@ -267,14 +268,34 @@ def _with_wider(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequ
     return result
 
 
-def _widest_first(trials: list[Trial], problem: Problem) -> list[Trial]:
+def _with_rivals(
+    chosen: Sequence[Scored],
+    ranking: Sequence[Scored],
+    taken: Sequence[tuple[str, str]],
+    rivals: Sequence[Sequence[Trial]],
+) -> list[Scored]:
+    """``chosen`` with the best of another kind from each earlier round.
+
+    A refit found it worth something; where the cost has several valleys, a score at the bottom of one of them does not
+    see it any more.
+    """
+    result = list(chosen)
+    for earlier in rivals:
+        kinds = {kind for kind, _ in (*taken, *(c.candidate.key for c in result))}
+        key = next((t.key[-1] for t in earlier if t.key[-1][0] not in kinds), None)
+        result += [s for s in ranking if s.candidate.key == key][:1]
+    return result
+
+
+def _widest_first(trials: list[Trial], current: Trial, problem: Problem, rules: Rules) -> list[Trial]:
     """The same trials, the first one exchanged for one of its kind in a wider place where that is hardly worse.
 
     Where the cost has several valleys a small difference of the criterion is one of valleys, not of places.
     """
     best = trials[0]
     correlation = correlation_length(problem, best.fit.residual)
-    limit = bic(best, problem, correlation) + CLOSE
+    before, least = bic(current, problem, correlation), bic(best, problem, correlation)
+    limit = least + rules.narrow * max(0.0, before - least)
     core = best.fit.model.core
     place = set(members(best.key[-1][1], best.candidates[-1].plan.parts, core))
 
