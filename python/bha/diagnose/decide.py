@@ -28,6 +28,8 @@ class Limits:
         deviations: standard deviations that the mean square has to lie above its expectation.
         model: relative uncertainty of the noise model, on the mean square.
         material: least gap, RMS over noise, that is worth a name.
+        training: mean square of the white residual of the training logs from which there is a gap whatever the held-out
+            logs say: uncertain parameters excuse an error there, not on the logs they were fitted to.
         closure: least share of the excess that the named effects must remove.
         left: greatest error left over noise at which a closure below ``good_closure`` still counts as explained.
         good_closure: closure from which on any error left is a matter of the effect's form.
@@ -38,6 +40,7 @@ class Limits:
     deviations: float = 4.0
     model: float = 0.06
     material: float = 1.1
+    training: float = 2.0
     closure: float = 0.7
     left: float = 2.5
     good_closure: float = 0.8
@@ -79,10 +82,16 @@ def gap_test(
     deviation = float(np.sqrt(2.0 / held.rows))
     expected = 1.0 + parameters
     limit = expected * (1.0 + limits.model) + limits.deviations * deviation
-    # A model that runs away at once has been compared with nothing: that is a gap, whatever is left of the error.
-    ran_away = not np.isfinite(prediction.mean_square)
-    significant = ran_away or (prediction.mean_square > limit and ratio > limits.material)
+    significant = is_significant(prediction.mean_square, limit, ratio, fit.squares / problem.rows, limits)
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)
+
+
+def is_significant(mean_square: float, limit: float, ratio: float, training: float, limits: Limits) -> bool:
+    """Whether errors are a gap: mean squares on held-out and training logs, and the RMS over the noise's."""
+    # A model that runs away at once has been compared with nothing: that is a gap, whatever is left of the error.
+    if not np.isfinite(mean_square):
+        return True
+    return ratio > limits.material and (mean_square > limit or training > limits.training)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,26 @@
+"""When an error is a gap."""
+
+import numpy as np
+import pytest
+
+from bha.diagnose.decide import Limits, is_significant
+
+
+@pytest.mark.parametrize(
+    ("mean_square", "limit", "ratio", "training", "expected"),
+    [
+        (1.0, 1.1, 1.0, 1.0, False),
+        (3.0, 1.1, 1.7, 1.0, True),
+        # More than noise by statistics, and not worth a name.
+        (1.2, 1.1, 1.05, 1.0, False),
+        # Held-out logs that ask for what the training logs do not tell.
+        (30.0, 50.0, 5.0, 1.1, False),
+        # The same, but the training logs are not described either.
+        (30.0, 5e4, 5.0, 400.0, True),
+        (np.inf, 1.1, np.inf, 1.0, True),
+    ],
+)
+def test_uncertain_parameters_excuse_errors_on_held_out_logs_only(
+    mean_square: float, limit: float, ratio: float, training: float, expected: bool
+) -> None:
+    assert is_significant(mean_square, limit, ratio, training, Limits()) is expected
