@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bha
+from bha.diagnose.records import ChannelFacts, Record
 from bha.parameters import ArmParameters
 
 SAMPLE_TIME = 5e-3
@@ -22,6 +23,22 @@ def one_section(scale: dict[str, float] | None = None) -> bha.Arm:
         section[key] = [v * factor for v in value] if isinstance(value, list) else value * factor
     mapping = {k: v for k, v in mapping.items() if k != "provenance"} | {"section": [section], "name": "one_section"}
     return bha.Arm(ArmParameters.from_mapping(mapping))
+
+
+def record_of(
+    time: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+    pressures: NDArray[np.float64],
+    noise: float = 1e-4,
+    pressure_noise: float = 0.0,
+    name: str = "log",
+) -> Record:
+    """A prepared log of lengths as they are, every row of which counts."""
+    facts = tuple(ChannelFacts(f"q1{k + 1}", "m", noise, 0.0, 0.0) for k in range(outputs.shape[1]))
+    inputs = tuple(ChannelFacts(f"p1{k + 1}", "Pa", pressure_noise, 0.0, 0.0) for k in range(pressures.shape[1]))
+    good = np.ones(outputs.shape, dtype=np.bool_)
+    channels = tuple(fact.name for fact in facts)
+    return Record(name, time, pressures, None, np.arange(len(time)), outputs, good, channels, facts, inputs)
 
 
 def pressures(time: NDArray[np.float64], kind: str, rng: np.random.Generator, inputs: int = 3) -> NDArray[np.float64]:

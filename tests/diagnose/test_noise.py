@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 from bha.diagnose import noise
-from bha.diagnose.records import ChannelFacts, Record
+from bha.diagnose.records import Record
+
+from .synthetic import record_of
 
 
 def record(outputs: np.ndarray, sample_time: float, deviation: float) -> Record:
-    rows, channels = outputs.shape
-    names = tuple(f"q1{k + 1}" for k in range(channels))
-    facts = tuple(ChannelFacts(n, "m", deviation, 0.0, 0.0) for n in names)
-    time = np.arange(rows) * sample_time
-    good = np.ones(outputs.shape, dtype=np.bool_)
-    return Record("log", time, np.zeros((rows, 3)), None, np.arange(rows), outputs, good, names, facts, facts)
+    time = np.arange(len(outputs)) * sample_time
+    return record_of(time, outputs, np.zeros((len(outputs), 3)), deviation)
 
 
 def test_white_rows_have_variance_one_where_noise_is_white_and_shaped() -> None:

@@ -8,25 +8,16 @@ import numpy as np
 import pytest
 
 from bha.diagnose import baseline, holdout, model, smoothing
-from bha.diagnose.records import ChannelFacts, Record
 
-from .synthetic import one_section
+from .synthetic import one_section, record_of
 
 SAMPLE_TIME = 5e-3
-
-
-def record(time: np.ndarray, outputs: np.ndarray, pressures: np.ndarray, pressure_noise: float) -> Record:
-    facts = tuple(ChannelFacts(f"q1{k + 1}", "m", 1e-4, 0.0, 0.0) for k in range(outputs.shape[1]))
-    inputs = tuple(ChannelFacts(f"p1{k + 1}", "Pa", pressure_noise, 0.0, 0.0) for k in range(pressures.shape[1]))
-    good = np.ones(outputs.shape, dtype=np.bool_)
-    names = tuple(f.name for f in facts)
-    return Record("log", time, pressures, None, np.arange(len(time)), outputs, good, names, facts, inputs)
 
 
 def test_thinning_leaves_out_the_ends_and_keeps_a_fast_motion_where_it_was() -> None:
     time = np.arange(1000) * SAMPLE_TIME
     motion = 0.02 * np.sin(2.0 * np.pi * 4.0 * time + 0.7)[:, None]
-    thinned = baseline.thin(record(time, motion, np.zeros((1000, 1)), 0.0), 2)
+    thinned = baseline.thin(record_of(time, motion, np.zeros((1000, 1))), 2)
     assert thinned.output_time[0] > 0.0
     assert thinned.output_time[-1] < time[-1]
     expected = 0.02 * np.sin(2.0 * np.pi * 4.0 * thinned.output_time + 0.7)
@@ -38,7 +29,7 @@ def test_pressures_lose_their_noise_and_keep_what_a_chamber_does() -> None:
     time = np.arange(4000) * SAMPLE_TIME
     true = 1.2e5 + 2e4 * np.sin(2.0 * np.pi * 2.0 * time)[:, None]
     noisy = true + 200.0 * rng.standard_normal(true.shape)
-    (smooth,) = smoothing.smoothed([record(time, np.zeros_like(true), noisy, 200.0)])
+    (smooth,) = smoothing.smoothed([record_of(time, np.zeros_like(true), noisy, pressure_noise=200.0)])
     assert smooth.pressure_taps is not None
     assert np.std(smooth.pressures - true) < 0.5 * 200.0
     middle = slice(100, -100)
@@ -50,7 +41,7 @@ def test_pressures_lose_their_noise_and_keep_what_a_chamber_does() -> None:
 def test_noise_free_commands_in_steps_stay_as_they_are() -> None:
     time = np.arange(1000) * SAMPLE_TIME
     steps = np.repeat(np.arange(10.0), 100)[:, None] * 1e4
-    (same,) = smoothing.smoothed([record(time, np.zeros_like(steps), steps, 0.0)])
+    (same,) = smoothing.smoothed([record_of(time, np.zeros_like(steps), steps)])
     assert same.pressure_taps is None
     np.testing.assert_array_equal(same.pressures, steps)
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from bha.diagnose.noise import Whitener, noise_model
-from bha.diagnose.records import ChannelFacts, Record
+from bha.diagnose.records import Record
 from bha.diagnose.repeats import repeats, with_repeat_noise
+
+from .synthetic import record_of
 
 SAMPLE_TIME, ROWS = 0.02, 3000
 SENSOR, WANDER = 1e-4, 1e-3
@@ -26,13 +28,7 @@ def log(rng: np.random.Generator, name: str, *, late: float = 0.0, pressures: np
     for k in range(1, ROWS):
         drift[k] = keep * drift[k - 1] + WANDER * np.sqrt(1.0 - keep**2) * rng.standard_normal(3)
     outputs = common + drift + SENSOR * rng.standard_normal((ROWS, 3))
-    facts = tuple(ChannelFacts(f"q1{k + 1}", "m", SENSOR, 0.0, 0.0) for k in range(3))
-    inputs = tuple(ChannelFacts(f"p1{k + 1}", "Pa", 0.0, 0.0, 0.0) for k in range(3))
-    given = steps(clock) if pressures is None else pressures
-    rows = np.arange(ROWS)
-    return Record(
-        name, time, given, None, rows, outputs, np.ones((ROWS, 3), np.bool_), ("q11", "q12", "q13"), facts, inputs
-    )
+    return record_of(time, outputs, steps(clock) if pressures is None else pressures, SENSOR, name=name)
 
 
 def test_logs_with_the_same_inputs_are_found_whatever_their_clocks() -> None:

@@ -131,11 +131,11 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
         return Verdict(
             "unknown", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
         )
-    tried = ", ".join(f"{kind} at {where}" for kind, where in dict.fromkeys(search.best.key))
     if closure < limits.closure:
         return Verdict(
             "unknown",
-            f"the best known effects ({tried}) remove {100 * closure:.0f} % of the excess error on held-out logs only",
+            f"the best known effects ({search.best.label}) remove {100 * closure:.0f} % of the excess error on held-out"
+            " logs only",
             closure,
         )
     removed = f"{100 * closure:.0f} % of the excess error on held-out logs is removed"
@@ -143,7 +143,7 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
     if closure < limits.good_closure and left > limits.left and not fine:
         return Verdict(
             "unknown",
-            f"the best known effects ({tried}) leave an error of {left:.1f} times the noise "
+            f"the best known effects ({search.best.label}) leave an error of {left:.1f} times the noise "
             f"({100 * closure:.0f} % of the excess removed)",
             closure,
         )

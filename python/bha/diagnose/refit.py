@@ -44,6 +44,11 @@ class Trial:
         return tuple(c.key for c in self.candidates)
 
     @property
+    def label(self) -> str:
+        """``creep at section 1 and delay at all``; several elements of an effect once."""
+        return " and ".join(f"{kind} at {where}" for kind, where in dict.fromkeys(self.key))
+
+    @property
     def size(self) -> int:
         """Numbers of its effects."""
         return sum(c.plan.size for c in self.candidates)

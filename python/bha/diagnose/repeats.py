@@ -89,7 +89,8 @@ def _common(first: Array, second: Array, step: float) -> Array:
 
 def _input_difference(first: Record, second: Record, shift: float) -> float:
     """Mean square of the difference of the pressures over their variance; infinite where they never change."""
-    time = _common(first.time, second.time + shift, first.sample_time)
+    # No finer than the clocks are compared: this is done for every shift, before anything else of a diagnosis.
+    time = _common(first.time, second.time + shift, max(first.sample_time, SHIFT_STEP))
     if len(time) == 0:
         return np.inf
     a = _at(time, first.time, first.pressures)

@@ -185,7 +185,7 @@ def _forward(
         correlation = correlation_length(problem, trials[0].fit.residual)
         gain = bic(current, problem, correlation) - bic(trials[0], problem, correlation)
         if gain < rules.forward or current.fit.squares - trials[0].fit.squares < enough:
-            state.notes.append(f"{_names(trials[0])} lowers the criterion by {gain:.1f} only: not taken in")
+            state.notes.append(f"{trials[0].label} lowers the criterion by {gain:.1f} only: not taken in")
             return
         state.best = trials[0]
         state.notes.append(f"taken in: {trials[0].key[-1][0]} at {trials[0].key[-1][1]}, criterion lower by {gain:.1f}")
@@ -218,7 +218,7 @@ def _tried(
     most = max((current.fit.squares - t.fit.squares for t in trials), default=0.0)
     for k, trial in enumerate(trials[:2]):
         if k == 0 or current.fit.squares - trial.fit.squares > state.rules.refined * most:
-            say(f"effect {number}: refining {_names(trial)}")
+            say(f"effect {number}: refining {trial.label}")
             trials[k] = _refined(problem, holdout, trial)
             state.trials.append(trials[k])
     trials = _off_bounds_first(_sorted(trials, problem), current, problem, state.rules)
@@ -331,10 +331,6 @@ def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
     return Trial(trial.candidates, fit, holdout.predict(fit.model, fit.x))
 
 
-def _names(trial: Trial) -> str:
-    return " and ".join(f"{kind} at {where}" for kind, where in trial.key)
-
-
 def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state: Search) -> None:
     """Drop what the held-out logs do not need, the least needed first."""
     while state.best.candidates:
@@ -395,7 +391,7 @@ def _swap(
                 continue
             state.trials.append(trial)
             if bic(current, problem, correlation) - bic(trial, problem, correlation) > rules.swap:
-                state.notes.append(f"{_names(trial)} in place of {_names(current)}")
+                state.notes.append(f"{trial.label} in place of {current.label}")
                 state.best = current = trial
                 swapped = True
     return swapped
