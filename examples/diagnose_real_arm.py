@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 
 import bha
 from bha.diagnose import workflow
+from bha.diagnose.cache import cache_folder
 from bha.diagnose.records import prepare
 from bha.diagnose.refit import Trial
 from bha.diagnose.select import Rules
@@ -71,19 +72,20 @@ def measured_lag(arm: bha.Arm, folder: Path) -> tuple[float, float]:
     pairs = []
     for name in (*TRAIN, *HELD_OUT):
         log = bha.Log.read(folder / f"{name}.csv", ambient_pressure=AMBIENT)
-        command = np.array(log.pressures(arm.inputs, commanded=True))
+        recording = bha.Recording(arm, log, pressures="commanded", warn=False)
+        record = prepare(recording)
+        command = record.pressures.copy()
         # Before the log begins the chambers hold what they hold at its end: nothing but the least pressure.
         command[0] = command[-1]
-        record = replace(prepare(arm, log, commanded=True), pressures=command)
-        pairs.append((record, log.pressures(arm.inputs)))
+        pairs.append((replace(record, pressures=command), recording.drive_rows, log.pressures(arm.inputs)))
 
     def errors(z: Array) -> Array:
         parts = []
         fill, vent = np.exp(z)
-        for record, measured in pairs:
+        for record, rows, measured in pairs:
             probe = PressureProbe("pressure_lag", tuple(range(measured.shape[1])), {"fill": fill, "vent": vent})
             (acting,) = acting_pressures(record, [probe], AMBIENT)
-            rest = measured - acting
+            rest = measured - acting[rows]
             parts.append((rest - rest.mean(axis=0)).ravel())
         return np.concatenate(parts)
 
@@ -148,16 +150,15 @@ def main(folder: Path, chosen: tuple[str, ...], threads: int | None, out: Path) 
                 last = stage
 
         console.print(f"{which} pressures; training {', '.join(TRAIN)}; held out {', '.join(HELD_OUT)}")
-        outcome = workflow.run(
-            arm,
-            [logs[name] for name in TRAIN],
-            [logs[name] for name in HELD_OUT],
-            commanded=commanded,
-            threads=threads,
-            rules=RULES,
-            progress=progress,
-            cache_folder=results / ".cache",
-        )
+        with cache_folder(results) as kept:
+            outcome = workflow.run(
+                [bha.Recording(arm, logs[name], pressures=which) for name in TRAIN],
+                [bha.Recording(arm, logs[name], pressures=which) for name in HELD_OUT],
+                threads=threads,
+                rules=RULES,
+                progress=progress,
+                cache_folder=kept,
+            )
         tell(console, outcome)
         outcome.diagnosis.write(results / "diagnosis.json")
 

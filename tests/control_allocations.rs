@@ -81,7 +81,7 @@ fn a_period_allocates_nothing() {
         let mut period = |controller: &mut Controller| {
             let target = Target { q: &pose, qd: &still, qdd: &still };
             controller.step(plant.lengths(), plant.pressures(), target, &mut command).unwrap();
-            plant.step(&command, 1e-3).unwrap();
+            plant.step(&command, 1e-3, &mut || false).unwrap();
         };
         // The first periods make the observer's gain and fill buffers.
         (0..5).for_each(|_| period(&mut controller));

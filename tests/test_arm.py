@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 import bha.robots
 from bha import _core
 from bha.arm import Arm
-from bha.errors import ParameterError
+from bha.errors import InputError, ParameterError
+from bha.parameters import ArmParameters
 
 SHARED = Path(__file__).parents[2] / "shared"
 
@@ -107,3 +109,109 @@ def test_with_changes_makes_a_new_arm() -> None:
 def test_numerical_methods_are_those_of_the_core() -> None:
     for name in ("forward_kinematics", "dynamics_terms", "forward_dynamics", "inverse_dynamics", "energy"):
         assert getattr(Arm, name) is getattr(_core.Arm, name)
+
+
+def test_values_change_by_path_and_by_pattern() -> None:
+    arm = bha.robots.load("bha_nominal")
+    changed = arm.with_values({"section.*.mass": 0.5, "section.2.mass": np.float32(0.25), "gravity.x": 1})
+    assert [section.mass for section in changed.parameters.sections] == [0.5, 0.25, 0.5]
+    assert changed.parameters.gravity == (1.0, 0.0, 9.81)
+    assert [section.mass for section in arm.parameters.sections] == [0.75, 0.6, 0.45]
+    one = arm.with_values({"section.1.bellows.3.rest_length": 0.2, "section.1.stiffness.2": 0.0})
+    assert one.parameters.sections[0].resolved_bellows(1)[2].rest_length == 0.2
+    assert one.parameters.sections[0].stiffness == (1300.0, 0.0, 12000.0)
+    assert arm.with_values({}) == arm
+    assert arm.with_values({"section.1.mass": 0.75}) == arm
+    q = np.full(9, 0.19)
+    np.testing.assert_array_equal(
+        arm.with_values({"section.1.mass": 0.8}).inertia_matrix(q),
+        Arm(arm.parameters.updated(_with_mass(arm.parameters, 0.8))).inertia_matrix(q),
+    )
+
+
+def _with_mass(parameters: ArmParameters, mass: float) -> dict[str, object]:
+    sections = parameters.to_mapping()["section"]
+    sections[0]["mass"] = mass
+    return {"section": sections}
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "text"),
+    [
+        ({"section.1.mas": 1.0}, ParameterError, "no parameter 'section.1.mas'; nearest allowed: 'section.1.mass'"),
+        ({"section.4.*": 1.0}, ParameterError, "no parameter matches 'section.4.*'; nearest allowed"),
+        ({"section.*.mas": 1.0}, ParameterError, "no parameter matches 'section.*.mas'; nearest allowed"),
+        ({"section.1.mass": -1.0}, ParameterError, "section 1: mass: found -1.0; allowed: a number > 0"),
+        ({"section.1.mass": "0.8"}, InputError, "section.1.mass: a number is needed; found texts"),
+        ({"section.1.mass": None}, InputError, "section.1.mass: a number is needed; found objects"),
+        ({"section.1.mass": True}, InputError, "section.1.mass: a number is needed; found truth values"),
+        ({"section.1.mass": [0.8, 0.9]}, InputError, "section.1.mass: expected shape (), found [2]"),
+        ({"section.1.mass": float("nan")}, InputError, "section.1.mass: NaN; a finite number is needed"),
+        ({1: 0.8}, InputError, "values: 1 is no path; a text such as 'section.1.mass'"),
+        ([("section.1.mass", 0.8)], InputError, "values: list; a mapping from paths to numbers is needed"),
+    ],
+)
+def test_values_that_cannot_be_set(values: dict[str, float], error: type[Exception], text: str) -> None:
+    with pytest.raises(error) as caught:
+        bha.robots.load("bha_nominal").with_values(values)
+    assert text in str(caught.value)
+
+
+def test_a_changed_value_does_not_keep_what_was_said_of_another() -> None:
+    """Neither its provenance nor, without saying of which value it is, the comment beside it in the file."""
+    text = bha.robots.load("bha_nominal").parameters.to_toml()
+    text = text.replace("mass = 0.75", "mass = 0.75  # kitchen scale", 1)
+    text = text.replace("damping = 18.0", "damping = 18.0  # N s/m", 1).replace(
+        "[section.provenance]", '[section.provenance]\nmass = "identified"', 1
+    )
+    arm = Arm(ArmParameters.from_toml(text))
+    assert arm.parameters.sections[0].provenance["mass"].status == "identified"
+    changed = arm.with_values({"section.1.mass": 0.8, "section.2.bellows_radius": 0.1})
+    first, second = changed.parameters.sections[:2]
+    assert "mass" not in first.provenance
+    assert set(first.provenance) == set(arm.parameters.sections[0].provenance) - {"mass"}
+    assert "bellows_radius" not in second.provenance
+    assert "mass = 0.8  # kitchen scale (said of 0.75)\n" in changed.parameters.to_toml()
+    again = changed.with_values({"section.1.mass": 0.9, "section.1.damping": 20.0}).parameters
+    assert "damping = 20.0  # N s/m\n" in again.to_toml()
+    assert "mass = 0.9  # kitchen scale (said of 0.75)\n" in again.to_toml()
+    assert ArmParameters.from_toml(again.to_toml()) == again
+    same = arm.with_values({"section.1.mass": 0.75})
+    assert same.parameters.to_toml() == text
+
+
+class Tagged(Arm):
+    """An arm with more to it, made in another way."""
+
+    __slots__ = ("__dict__", "tag")
+    tag: str
+    history: list[int]
+
+    def __new__(cls, parameters: ArmParameters, tag: str) -> "Tagged":
+        arm = super().__new__(cls, parameters)
+        arm.tag, arm.history = tag, [1]
+        return arm
+
+    def __init__(self, parameters: ArmParameters, tag: str) -> None:
+        """Nothing is left to do."""
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda arm: pickle.loads(pickle.dumps(arm)),
+        copy.copy,
+        copy.deepcopy,
+        lambda arm: arm.with_changes(gravity=(0.0, 0.0, 9.0)),
+        lambda arm: arm.with_effects([]),
+        lambda arm: arm.with_values({"section.1.mass": 0.8}),
+        lambda arm: arm.with_parameters(arm.parameters),
+    ],
+)
+def test_subclasses_keep_what_is_theirs(made: Callable[[Tagged], Tagged]) -> None:
+    arm = Tagged(bha.robots.load("bha_nominal").parameters, "left")
+    arm.forward_dynamics_derivatives(np.full(9, 0.19), np.zeros(9), np.full(9, 1e5), parameters=["section.1.mass"])
+    found = made(arm)
+    assert type(found) is Tagged
+    assert (found.tag, found.history) == ("left", [1])
+    assert found.forward_kinematics(np.full(9, 0.19))[0].shape == (3, 3)

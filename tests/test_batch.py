@@ -189,6 +189,7 @@ def test_a_failed_member_keeps_its_place(arm: bha.Arm) -> None:
     assert np.isfinite(batch.lengths[4, reached]).all()
     assert np.isnan(batch.lengths[4, ~reached]).all()
     np.testing.assert_allclose(np.delete(batch.lengths, 4, axis=0), good.lengths, rtol=1e-12)
+    assert repr(batch) == "<Batch: 9 members, 1 failed, 11 rows, 3 sections>"
 
 
 def test_no_rest_is_a_status(arm: bha.Arm) -> None:
@@ -254,3 +255,8 @@ def test_measured_pressures_go_past_the_pneumatics_as_in_single_runs() -> None:
         alone = bha.Simulation(arm, drive, bha.Options("rk4")).advance([0.0, 0.3])
         np.testing.assert_allclose(batch.lengths[member], alone.lengths, rtol=0, atol=1e-12)
     assert np.abs(batch.lengths[0] - batch.lengths[1]).max() > 1e-3
+
+
+def test_a_line_says_what_it_is(arm: bha.Arm) -> None:
+    batch = bha.simulate_batch(arm, [drive(arm, 0), drive(arm, 1)])
+    assert repr(batch) == "<Batch: 2 members, 0 failed, 5 rows, 3 sections>"

@@ -46,6 +46,46 @@ def test_info_for_people_and_machines() -> None:
     assert "assumed" in text.output
 
 
+def test_info_has_units() -> None:
+    values = json.loads(run("info", "bha_nominal", "--json").output)["values"]
+    units = {value["key"]: value["unit"] for value in values}
+    assert (units["mass"], units["damping"], units["gravity"], units["fill_time"]) == ("kg", "N s/m", "m/s^2", "s")
+    line = next(line for line in run("info", "bha_nominal").output.splitlines() if "damping" in line)
+    assert [cell.strip() for cell in line.strip("│|").replace("|", "│").split("│")][1:4] == ["damping", "18", "N s/m"]
+
+
+@pytest.mark.parametrize("command", [("info",), ("simulate", "--input", "log.csv"), ("control",), ("excite",)])
+def test_a_misspelt_arm_is_answered_with_the_nearest(command: tuple[str, ...]) -> None:
+    result = run(command[0], "bha_nominl", *command[1:])
+    assert result.exit_code == 1
+    assert "bha_nominl: there is no such file, and no arm of that name; nearest allowed: 'bha_nominal'" in result.output
+    assert "bha robots" in result.output
+    assert "nearest" not in run(command[0], "xyz", *command[1:]).output
+    assert "xyz.toml: there is no such file\n" in run(command[0], "xyz.toml", *command[1:]).output
+
+
+def test_a_misspelt_plant_too() -> None:
+    result = run("control", "bha_nominal", "--plant", "asu_two_section_jan")
+    assert result.exit_code == 1
+    assert "'asu_two_section_january'" in result.output
+
+
+def test_robots_lists_what_ships() -> None:
+    found = {entry["name"]: entry for entry in json.loads(run("robots", "--json").output)["robots"]}
+    assert tuple(found) == bha.robots.names()
+    assert found["bha_nominal"]["bellows"] == [3, 3, 3]
+    assert not found["bha_nominal"]["stiff"]
+    # 2.785 over the fastest rate of its linearization, 122.5 1/s.
+    assert found["bha_nominal"]["explicit_step"] == pytest.approx(2.785 / 122.509, rel=1e-3)
+    assert found["asu_two_section_january"]["stiff"]
+    assert found["asu_two_section"]["bellows"] == [4, 4]
+    assert "Bionic Handling Assistant" in found["bha_nominal"]["about"]
+    assert found["bha_nominal"]["values"]["published"] == 6
+    text = run("robots").output
+    for name in bha.robots.names():
+        assert name in text
+
+
 def lengths(path: Path) -> NDArray[np.float64]:
     if path.suffix == ".npz":
         with np.load(path) as arrays:
@@ -148,7 +188,7 @@ def test_files_that_are_not_there_or_not_what_they_claim(tmp_path: Path) -> None
         ("simulate", "bha_nominal", "--input", path, "--out", tmp_path / "nowhere" / "out.csv"),
         ("simulate", "bha_nominal", "--input", path, "--dt", "0"),
         ("simulate", "bha_nominal", "--input", path, "--method", "rk4", "--step", "-1"),
-        ("simulate", "bha_nominal", "--input", path, "--commanded"),
+        ("simulate", "bha_nominal", "--input", path, "--pressures", "commanded"),
     ):
         result = run(*arguments)
         assert result.exit_code in {1, 2}, (arguments, result.output)

@@ -119,10 +119,10 @@ def test_stated_values_name_their_effect() -> None:
         ),
         (
             'kind = "creep"\nwhere = "all"\nstiffness = true\ntau = 1.0',
-            "stiffness: found True; allowed: a finite number",
+            "stiffness: found true; allowed: a finite number",
         ),
         ('kind = "creep"\nwhere = "all"\nstiffness = inf\ntau = 1.0', "stiffness: found inf; allowed: a finite number"),
-        ('kind = "creep"\nwhere = "all"\nstiffness = "1"\ntau = 1.0', "stiffness: found '1'; allowed: a finite number"),
+        ('kind = "creep"\nwhere = "all"\nstiffness = "1"\ntau = 1.0', 'stiffness: found "1"; allowed: a finite number'),
         ('kind = "creep"\nwhere = "all"\nstiffness = 1.0\ntau = 1.0\nforce = "-q"', 'force: only kind "formula"'),
         ('kind = "formula"\nwhere = "all"', "force: missing"),
         (

@@ -150,7 +150,7 @@ def test_only_some_columns(tmp_path: Path) -> None:
 
 FAULTS = [
     ("t [s],p11 [Pa]\n0,1\n1,abc\n", "FILE, line 3, column 'p11 [Pa]': found \"abc\"; expected a number such as -1.5"),
-    ("t [s],p11 [Pa]\n0,NaN\n", "FILE, line 2, column 'p11 [Pa]': found \"NaN\"; expected a finite number"),
+    ("t [s],p11 [Pa]\n0,NaN\n", "FILE, line 2, column 'p11 [Pa]': found \"NaN\", no value; write the last"),
     ("t [s],p11 [Pa]\n0,inf\n", "FILE, line 2, column 'p11 [Pa]': found \"inf\"; expected a finite number"),
     ("t [s],p11 [Pa]\n0,\n", "FILE, line 2, column 'p11 [Pa]': the cell is empty; write the last known value"),
     (
@@ -171,7 +171,10 @@ FAULTS = [
     ("", "FILE: the file is empty; expected a line of headings and lines of numbers"),
     ("t [s];p11 [Pa]\n0;1\n", "FILE, line 1: the headings are separated by ';'; expected commas"),
     ("t [s],p11 [Pa]\n\0\0\0", "FILE is not a text file but binary data; expected CSV, plain or gzip"),
-    ("time [s],p11 [Pa]\n0,1\n", "FILE: there is no column of time, 't [s]'; nearest: 'time'"),
+    (
+        "time [s],p11 [Pa]\n0,1\n",
+        "FILE: there is no column of time, 't [s]'; column 'time [s]' is not known; did you mean",
+    ),
     ("t(s),p11 [Pa]\n0,1\n", "FILE: column 't(s)' is not known; did you mean 't [s]'? Rename it"),
     ("t [s],p 11 [Pa]\n0,1\n", "FILE: column 'p 11 [Pa]' is not known; did you mean 'p11 [Pa]'? Rename it"),
     ("t [s],P11 [kPa(g)]\n0,1\n", "FILE: column 'P11 [kPa(g)]' is not known; did you mean 'p11 [kPa(g)]'? Rename it"),
@@ -209,8 +212,8 @@ def test_faults_of_files(tmp_path: Path) -> None:
 
 
 def test_columns_that_only_look_like_quantities_are_kept(tmp_path: Path) -> None:
-    log = Log.read(write(tmp_path, "t [s],T [K],Q11 [l/min],,q14 [mm]\n0,290,3,9,1\n"))
-    assert log.columns == ("t", "T", "Q11", "q14")
+    log = Log.read(write(tmp_path, "t [s],T [K],Q11 [l/min],,qv14 [mm]\n0,290,3,9,1\n"))
+    assert log.columns == ("t", "T", "Q11", "qv14")
     assert log.lengths is None
     assert log.ignored == {"column 4": "it has no heading"}
 
@@ -223,7 +226,7 @@ def test_a_last_line_without_end_is_warned_of(tmp_path: Path) -> None:
 PARQUET_FAULTS = [
     (
         {"t [s]": [0.0, 1.0], "p11 [Pa]": [1.0, np.nan]},
-        "FILE, row 2, column 'p11 [Pa]': found \"NaN\"; expected a finite",
+        "FILE, row 2, column 'p11 [Pa]': found \"NaN\", no value; write the last known value",
     ),
     (
         {"t [s]": [0.0, 1.0], "p11 [Pa]": [1.0, None]},
@@ -259,7 +262,7 @@ def test_arrays_get_the_same_checks() -> None:
         ({"t [s]": [0, 1], "p11 [Pa]": [1, np.nan]}, "<arrays>, row 2, column 'p11 [Pa]': found \"NaN\""),
         ({"t [s]": [0, 1], "p11 [Pa]": [1]}, "<arrays>, column 'p11 [Pa]': found shape (1,); expected (2,)"),
         ({"t [s]": [[0, 1]]}, "<arrays>, column 't [s]': found shape (1, 2); expected (m,)"),
-        ({"t [s]": ["a"]}, "<arrays>, column 't [s]': not an array of numbers"),
+        ({"t [s]": ["a"]}, "<arrays>, column 't [s]': holds text; expected plain real numbers"),
         ({"t [s]": []}, "<arrays> has headings but no rows of numbers"),
         ({}, "<arrays>: there is no column of time"),
     ]:
@@ -322,13 +325,14 @@ def tables(draw: st.DrawFn) -> tuple[dict[str, list[float]], dict[str, list[floa
         unit = draw(st.sampled_from(sorted(LENGTH_UNITS)))
         found[f"{name} [{unit}]"] = draw(st.lists(number, min_size=rows, max_size=rows))
         expected[name] = [v * LENGTH_UNITS[unit] for v in found[f"{name} [{unit}]"]]
-    for name in draw(st.sets(st.sampled_from(["wire", "flow [l/min]", 'odd, "name" [%]', "q14"]))):
+    for name in draw(st.sets(st.sampled_from(["wire", "flow [l/min]", 'odd, "name" [%]', "q1_13"]))):
         values = draw(st.lists(st.floats(allow_infinity=False), min_size=rows, max_size=rows))
         found[name] = expected[name.partition(" [")[0]] = values
     order = draw(st.permutations(sorted(found)))
     return {heading: found[heading] for heading in order}, expected
 
 
+@pytest.mark.filterwarnings("ignore:.*that is vacuum, absolute")
 @given(tables(), st.sampled_from([".csv", ".csv.gz", ".parquet"]))
 def test_random_tables_in_any_order_and_units(
     tmp_path_factory: pytest.TempPathFactory,
@@ -387,10 +391,10 @@ def test_progress_is_told_and_its_errors_come_back_as_they_are(tmp_path: Path) -
 def test_reading_answers_an_interrupt(tmp_path: Path) -> None:
     path = write(tmp_path, "t [s]\n" + "0\n" * 10)
 
-    def interrupt(headings: list[str]) -> list[tuple[str, float, str]]:
+    def interrupt(headings: list[str], opening: list[str]) -> list[tuple[str, float, str, bool, str]]:
         # Delivered to this process while the core is about to read; nothing but its own check can see it in time.
         signal.raise_signal(signal.SIGINT)
-        return [("number", -np.inf, "")]
+        return [("number", -np.inf, "", False, "")]
 
     with pytest.raises(KeyboardInterrupt):
         _core.read_table(os.fspath(path), interrupt, None)
@@ -399,9 +403,9 @@ def test_reading_answers_an_interrupt(tmp_path: Path) -> None:
 def test_the_core_checks_what_it_is_given(tmp_path: Path) -> None:
     path = os.fspath(write(tmp_path, "t [s]\n0\n"))
     with pytest.raises(ValueError, match="one entry for each heading"):
-        _core.read_table(path, lambda headings: [], None)
+        _core.read_table(path, lambda headings, opening: [], None)
     with pytest.raises(ValueError, match="unknown use of a column"):
-        _core.read_table(path, lambda headings: [("x", 0.0, "")], None)
+        _core.read_table(path, lambda headings, opening: [("x", 0.0, "", False, "")], None)
     with pytest.raises(ValueError, match="differ in length"):
         _core.format_table_rows([np.zeros(1), np.zeros(2)])
 
@@ -410,7 +414,7 @@ def test_the_core_checks_what_it_is_given(tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", sorted(ASU.glob("*.csv")), ids=lambda path: path.stem)
 def test_measured_logs(path: Path) -> None:
     log = Log.read(path)
-    assert len(log) > 1000
+    assert len(log) > 900
     assert len(log.columns) == 23
     assert not log.ignored
     inputs = [f"p{section}{number}" for section in (1, 2) for number in (1, 2, 3)]

@@ -14,15 +14,20 @@ def test_names_read_back() -> None:
         for number in NUMBERS:
             made[names.pressure_name(section, number)] = Quantity("pressure", section, number)
             made[names.commanded_pressure_name(section, number)] = Quantity("commanded_pressure", section, number)
-        for number in (1, 2, 3):
+        for number in range(1, 13):
             made[names.length_name(section, number)] = Quantity("length", section, number)
             made[names.velocity_name(section, number)] = Quantity("velocity", section, number)
+        for number in (1, 2, 3):
+            made[names.coordinate_name(section, number)] = Quantity("coordinate", section, number)
+            made[names.coordinate_velocity_name(section, number)] = Quantity("coordinate_velocity", section, number)
+        for entry, name in enumerate(names.orientation_names(section), start=1):
+            made[name] = Quantity("orientation", section, entry)
         for axis, (position, force) in enumerate(
             zip(names.position_names(section), names.force_names(section), strict=True), start=1
         ):
             made[position] = Quantity("position", section, axis)
             made[force] = Quantity("force", section, axis)
-    count = len(NUMBERS) * (2 * len(NUMBERS) + 2 * 3 + 2 * 3) + 1
+    count = len(NUMBERS) * (2 * len(NUMBERS) + 2 * 12 + 2 * 3 + 4 + 2 * 3) + 1
     assert len(made) == count, "no two quantities share a name"
     for name, meant in made.items():
         assert quantity(name) == meant
@@ -42,8 +47,15 @@ def test_names_read_back() -> None:
         "p111",
         "p1_01",
         "P11",
-        "q14",
-        "qd10_4",
+        "q1_13",
+        "qd10_13",
+        "qv14",
+        "qvd1_4",
+        "qv",
+        "o1",
+        "ow0",
+        "ow",
+        "ov1",
         "x0",
         "x",
         "fx",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import gzip
 import json
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -224,3 +226,43 @@ def test_a_trajectory_is_read_only_and_pickles() -> None:
     np.testing.assert_array_equal(again.table(), trajectory.table())
     assert len(trajectory[2:5]) == 3
     np.testing.assert_array_equal(trajectory[2:5].table(), trajectory.table()[2:5])
+
+
+def test_equality_is_that_of_the_arrays() -> None:
+    trajectory = make()
+    again = make()
+    object.__setattr__(again, "statistics", {"steps": 1})
+    assert trajectory == again
+    assert hash(trajectory) == hash(again)
+    assert trajectory != make(seed=2)
+    assert trajectory != make(rows=6)
+    assert trajectory != trajectory[:6]
+    assert trajectory[:0] == make(seed=2)[:0]
+    assert trajectory != replace(trajectory, arm_name="another")
+    assert trajectory != replace(trajectory, measured_lengths=trajectory.lengths)
+    assert trajectory != "a trajectory"
+    gaps = trajectory.velocities.copy()
+    gaps[3] = np.nan
+    assert replace(trajectory, velocities=gaps) == replace(trajectory, velocities=gaps.copy())
+
+
+def test_a_line_says_what_it_is() -> None:
+    assert repr(make()) == "<Trajectory of two sections: 7 rows, 0 to 0.6 s, 2 sections, 4 inputs>"
+    assert repr(make()[:0]) == "<Trajectory of two sections: 0 rows, 2 sections, 4 inputs>"
+    assert len(make()) == 7
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda t: pickle.loads(pickle.dumps(t))])
+def test_copies_are_equal_and_read_only(again: Callable[[Trajectory], Trajectory]) -> None:
+    trajectory = replace(make(), measured_lengths=np.zeros((7, 6)))
+    copied = again(trajectory)
+    assert copied == trajectory
+    for name in (*trajectory_formats.ARRAYS, "measured_lengths"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(copied, name)[0] = 1.0
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf])
+def test_times_are_finite(time: float) -> None:
+    with pytest.raises(InputError, match=r"time: found (nan|inf) at row 6; expected finite numbers, s"):
+        replace(make(), time=[*make().time[:6], time])

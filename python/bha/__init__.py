@@ -1,5 +1,10 @@
 """Simulate, identify, diagnose and control pneumatic bellows arms (Falkenhahn et al., IEEE T-RO 31(6), 2015)."""
 
+# Before all that takes time: see there.
+from bha import startup as startup
+
+# isort: split
+
 from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
@@ -9,6 +14,8 @@ from bha.diagnose import diagnose
 from bha.errors import (
     BhaError,
     ConvergenceError,
+    FileError,
+    FileWarning,
     InputError,
     LogError,
     LogWarning,
@@ -18,6 +25,7 @@ from bha.errors import (
     SimulationError,
 )
 from bha.log import Log
+from bha.recordings import Recording
 from bha.simulation import Input, Options, Simulation, simulate
 from bha.trajectory import Trajectory, TrajectoryWriter
 
@@ -27,6 +35,8 @@ __all__ = [
     "BhaError",
     "ConvergenceError",
     "Derivatives",
+    "FileError",
+    "FileWarning",
     "Input",
     "InputError",
     "Log",
@@ -36,6 +46,7 @@ __all__ = [
     "Options",
     "ParameterError",
     "ParameterWarning",
+    "Recording",
     "Sensitivities",
     "Simulation",
     "SimulationError",

@@ -147,16 +147,7 @@ class Simulation:
         q: ArrayLike | None = None,
         qd: ArrayLike | None = None,
     ) -> Self: ...
-    def advance(
-        self, times: ArrayLike
-    ) -> tuple[
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.float64] | None,
-        SimulationError | None,
-    ]: ...
+    def advance(self, times: ArrayLike) -> tuple[dict[str, NDArray[np.float64]], SimulationError | None]: ...
     @property
     def statistics(self) -> tuple[int, int, int]: ...
 
@@ -288,12 +279,14 @@ def simulate_batch(
     max_steps: int | None = None,
     velocities: bool = True,
     head_positions: bool = False,
+    head_orientations: bool = False,
     measured: bool = False,
     threads: int = 0,
     instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[
     NDArray[np.float64],
+    NDArray[np.float64] | None,
     NDArray[np.float64] | None,
     NDArray[np.float64] | None,
     list[BhaError | None],
@@ -326,7 +319,8 @@ class VirtualArm:
 
 def read_table(
     path: str | PathLike[str],
-    plan: Callable[[list[str]], list[tuple[str, float, str]]],
+    plan: Callable[[list[str], list[str]], list[tuple[str, float, str, bool, str]]],
     progress: Callable[[float], None] | None = None,
+    name: str | None = None,
 ) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
 def format_table_rows(columns: Sequence[NDArray[np.float64]]) -> bytes: ...

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
-from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel
+from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel, paths
 
 if TYPE_CHECKING:
     from bha.derivatives import Derivatives
+
+_Arm = TypeVar("_Arm", bound="Arm")
 
 
 class Arm(_core.Arm):
@@ -112,7 +114,34 @@ class Arm(_core.Arm):
             table = self._parameters.to_mapping().get("pneumatics", {})
             changes["pneumatics"] = {**table, "level": pneumatics}
         changes = {key: value for key, value in changes.items() if value is not None}
-        return type(self)(self._parameters.updated(changes))
+        return self.with_parameters(self._parameters.updated(changes))
+
+    def with_parameters(self, parameters: ArmParameters) -> Self:
+        """A new arm of these parameters, of the same class and with the attributes that a subclass has given it."""
+        arm = _built(type(self), parameters)
+        restore = getattr(arm, "__setstate__", None)
+        state = self.__getstate__()
+        if restore is not None:
+            restore(state)
+        elif isinstance(state, tuple):
+            for name, value in {**(state[0] or {}), **(state[1] or {})}.items():
+                setattr(arm, name, value)
+        return arm
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """A new arm with the numbers at some paths changed: ``arm.with_values({"section.1.mass": 0.8})``.
+
+        Args:
+            values: numbers by path, as :mod:`bha.parameters.paths` and ``bha identify --free`` name them. A pattern
+                stands for all numbers that it matches (``section.*.mass``); of two that name the same number the later
+                one counts. A changed value loses its provenance, which was that of another value, and so counts as
+                assumed.
+
+        Raises:
+            ParameterError: there is no such number (the text names the nearest), or the value is not allowed there.
+            InputError: something that is no finite number.
+        """
+        return self.with_parameters(paths.restated(self._parameters, values))
 
     def with_effects(self, effects: Sequence[EffectParameters | Mapping[str, Any]]) -> Self:
         """A new arm with these effects in place of its own ones; ``[]`` takes all away.
@@ -125,7 +154,7 @@ class Arm(_core.Arm):
             ParameterError: an effect that is not allowed.
         """
         tables = [effect.to_mapping() if isinstance(effect, EffectParameters) else dict(effect) for effect in effects]
-        return type(self)(self._parameters.updated({"effect": tables}))
+        return self.with_parameters(self._parameters.updated({"effect": tables}))
 
     def forward_dynamics_derivatives(
         self,
@@ -159,9 +188,16 @@ class Arm(_core.Arm):
         """
         return _core.linearize(self, q, qd, p)
 
-    def __reduce__(self) -> tuple[type[Self], tuple[ArmParameters]]:
-        """Pickle as the parameters; the model is built again from them."""
-        return (type(self), (self._parameters,))
+    def __getstate__(self) -> object:
+        """What a subclass has added: its attributes and slots, or None. The arm itself is its parameters."""
+        state = super().__getstate__()
+        attributes, slots = state if isinstance(state, tuple) else (state, None)
+        slots = {name: value for name, value in (slots or {}).items() if name not in Arm.__slots__}
+        return (attributes, slots) if attributes or slots else None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle as the parameters, from which the model is built again, and what a subclass has added."""
+        return (_built, (type(self), self._parameters), self.__getstate__())
 
     def __eq__(self, other: object) -> bool:
         """Whether all parameters and their provenance are equal."""
@@ -180,3 +216,8 @@ class Arm(_core.Arm):
             f"<Arm {self.name!r}: {count} section{'s' if count != 1 else ''}, {len(self.inputs)} inputs, "
             f"{self._parameters.force_model}>"
         )
+
+
+def _built(cls: type[_Arm], parameters: ArmParameters) -> _Arm:
+    """An arm of a class without asking that class: a subclass may want more to make one."""
+    return Arm.__new__(cls, parameters)

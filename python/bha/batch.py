@@ -10,19 +10,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arrays import floats
 from bha.errors import BhaError, InputError
+from bha.log import Log
+from bha.recordings import Recording
 from bha.simulation import Input, Interpolation, Method, as_input
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
 
 T = TypeVar("T")
 
 InstructionSet = Literal["scalar", "neon", "avx2", "avx512"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Batch:
     """What a batch of simulations returned; a member that failed keeps its place.
 
@@ -31,6 +33,8 @@ class Batch:
         lengths: m, shape (members, rows, 3n); NaN from a member's failure on.
         velocities: m/s, shape (members, rows, 3n), or None.
         head_positions: origins of the heads in the base frame, m, shape (members, rows, n, 3), or None.
+        head_orientations: of the heads in the base frame, unit quaternions (w, x, y, z), w >= 0, shape (members,
+            rows, n, 4), or None.
         failures: for each member None or the error that ended it (a :class:`bha.SimulationError` knows the time).
         statistics: steps, rejected steps and evaluations of each member, shape (members, 3).
     """
@@ -41,10 +45,17 @@ class Batch:
     head_positions: NDArray[np.float64] | None
     failures: tuple[BhaError | None, ...]
     statistics: NDArray[np.uint64]
+    head_orientations: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         """Number of members."""
         return len(self.failures)
+
+    def __repr__(self) -> str:
+        """Members, failures, rows and sections in one line."""
+        failed = sum(failure is not None for failure in self.failures)
+        sections = self.lengths.shape[-1] // 3
+        return f"<Batch: {len(self)} members, {failed} failed, {self.time.shape[-1]} rows, {sections} sections>"
 
     @property
     def succeeded(self) -> NDArray[np.bool_]:
@@ -54,7 +65,7 @@ class Batch:
 
 def simulate_batch(
     arms: Arm | Sequence[Arm],
-    inputs: Input | Log | Sequence[Input | Log],
+    inputs: Input | Log | Recording | Sequence[Input | Log | Recording],
     x0: ArrayLike | None = None,
     *,
     times: ArrayLike | None = None,
@@ -67,6 +78,8 @@ def simulate_batch(
     interpolation: Interpolation = "linear",
     velocities: bool = True,
     head_positions: bool = False,
+    head_orientations: bool = False,
+    measured: bool = False,
     threads: int | None = None,
     instruction_set: InstructionSet | None = None,
     progress: Callable[[float], None] | None = None,
@@ -95,6 +108,9 @@ def simulate_batch(
         interpolation: what holds between two samples, ``"linear"`` or ``"hold"``.
         velocities: whether to return the rates.
         head_positions: whether to return the heads' positions.
+        head_orientations: whether to return the heads' orientations.
+        measured: whether lengths and heads are to be those that the sensors have, where effects of an arm act on
+            sensors (delay, offset, gain), in place of the true ones.
         threads: how many threads; as many as there are cores if None.
         instruction_set: what computes members abreast with ``"rk4"``: ``"scalar"`` (one after the other), ``"neon"``,
             ``"avx2"`` (4) or ``"avx512"`` (8); the widest one of this processor if None.
@@ -110,14 +126,12 @@ def simulate_batch(
     input_list = list(inputs) if isinstance(inputs, Sequence) else [inputs]
     if not arm_list or not input_list:
         raise InputError("arms and inputs: at least one of each is needed")
-    state = None if x0 is None else np.asarray(x0, dtype=np.float64)
-    starts = None if start is None else np.asarray(start, dtype=np.float64)
-    rows = None if times is None else np.asarray(times, dtype=np.float64)
+    state = None if x0 is None else floats(x0, "x0", (None,), (None, None))
+    starts = None if start is None else floats(start, "start", (), (None,))
+    rows = None if times is None else floats(times, "times", (None,), (None, None), finite=False)
     sizes = {"arms": len(arm_list), "inputs": len(input_list)}
     for name, array, single in (("x0", state, 1), ("start", starts, 0), ("times", rows, 1)):
         if array is not None:
-            if array.ndim not in (single, single + 1):
-                raise InputError(f"{name}: {array.ndim} dimensions; {single} (for all) or {single + 1} are needed")
             sizes[name] = len(array) if array.ndim > single else 1
     count = max(sizes.values())
     wrong = {name: size for name, size in sizes.items() if size not in (1, count)}
@@ -126,20 +140,19 @@ def simulate_batch(
         raise InputError(f"the numbers of members differ: {found}; each must be 1 or the greatest of them")
 
     arm_index, unique_arms = _unique(arm_list, count)
-    input_index, unique_inputs = _unique(input_list, count)
-    drives = [as_input(unique_arms[0], drive) for drive in unique_inputs]
+    input_index, drives = _drives(arm_list, input_list, count)
     arm_index, unique_arms = _without_pneumatics(arm_index, unique_arms, [drives[k].commanded for k in input_index])
     if starts is None:
         starts = np.array([_first(drives[index]) for index in input_index])
     starts = np.broadcast_to(starts, (count,))
     if rows is None:
-        sample_times = np.asarray(drives[0].time, dtype=np.float64)
+        sample_times = floats(drives[0].time, "time", (None,))
         rows = sample_times[sample_times >= starts[0]]
     time_sets = [_without_padding(row) for row in np.atleast_2d(rows)]
     if state is not None:
         state = np.ascontiguousarray(np.broadcast_to(state, (count, state.shape[-1])))
 
-    lengths, rates, heads, failures, statistics = _core.simulate_batch(
+    lengths, rates, heads, orientations, failures, statistics = _core.simulate_batch(
         unique_arms,
         [(d.time, d.pressures, d.force_rows) for d in drives],
         time_sets,
@@ -154,6 +167,8 @@ def simulate_batch(
         max_steps=max_steps,
         velocities=velocities,
         head_positions=head_positions,
+        head_orientations=head_orientations,
+        measured=measured,
         threads=_thread_count(threads),
         instruction_set=instruction_set,
         progress=progress,
@@ -165,7 +180,23 @@ def simulate_batch(
         head_positions=None if heads is None else heads.reshape(*heads.shape[:2], -1, 3),
         failures=tuple(failures),
         statistics=statistics,
+        head_orientations=None if orientations is None else orientations.reshape(*orientations.shape[:2], -1, 4),
     )
+
+
+def _drives(arms: list[Arm], inputs: list[Input | Log | Recording], count: int) -> tuple[list[int], list[Input]]:
+    """For each member the index of its drive, and the drives: one of a log for each ambient pressure of its arms."""
+    found: dict[tuple[int, float], int] = {}
+    index: list[int] = []
+    drives: list[Input] = []
+    for k in range(count):
+        arm, given = arms[k % len(arms)], inputs[k % len(inputs)]
+        ambient = arm.parameters.ambient_pressure if isinstance(given, Log) else 0.0
+        if (id(given), ambient) not in found:
+            found[id(given), ambient] = len(drives)
+            drives.append(as_input(arm, given))
+        index.append(found[id(given), ambient])
+    return index, drives
 
 
 def _unique(items: list[T], count: int) -> tuple[list[int], list[T]]:

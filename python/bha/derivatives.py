@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
-from bha.errors import InputError, ParameterError
+from bha.arrays import floats
+from bha.errors import ParameterError
 from bha.parameters import paths
 from bha.simulation import Input, Options, as_input
 
@@ -71,7 +72,7 @@ class Sensitivities:
 
 def parameter_names(arm: Arm) -> tuple[str, ...]:
     """Paths of all numbers of an arm that there are derivatives by: ``section.2.mass``, ``gravity.x``, ..."""
-    return paths.available(arm.parameters)
+    return tuple(path for path in paths.available(arm.parameters) if not paths.is_of_sensors(path))
 
 
 def difference_arms(arm: Arm, path: str) -> tuple[list[Arm], list[float]]:
@@ -84,7 +85,7 @@ def difference_arms(arm: Arm, path: str) -> tuple[list[Arm], list[float]]:
     reach = 2e-3 * abs(value) if value else 1e-3
 
     def at(steps: int) -> Arm:
-        return type(arm)(paths.with_values(arm.parameters, {path: value + steps * reach}))
+        return arm.with_parameters(paths.with_values(arm.parameters, {path: value + steps * reach}))
 
     for sign, (places, weights) in ((1.0, _CENTRAL), (1.0, _ONE_SIDED), (-1.0, _ONE_SIDED)):
         try:
@@ -155,10 +156,10 @@ def sensitivities(
     options = options or Options()
     source = as_input(arm, drive)
     size, names = 6 * arm.section_count, tuple(parameters)
-    time = np.asarray(times, dtype=np.float64)
-    by_parameters = np.zeros((size, len(names))) if x0_by_parameters is None else np.asarray(x0_by_parameters, float)
-    if by_parameters.shape != (size, len(names)):
-        raise InputError(f"x0_by_parameters: expected shape ({size}, {len(names)}), found {by_parameters.shape}")
+    time = floats(times, "times", (None,))
+    by_parameters = np.zeros((size, len(names)))
+    if x0_by_parameters is not None:
+        by_parameters = floats(x0_by_parameters, "x0_by_parameters", by_parameters.shape)
     initial = size if initial_state else 0
     seeds = np.vstack([np.eye(size)[:initial], by_parameters.T])
     states, rows = _core.sensitivities(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from typing import Any
 
 
@@ -19,6 +20,10 @@ class LogError(BhaError, ValueError):
 
 class InputError(BhaError, ValueError):
     """An argument of a call is wrong: shape, type, range or a value that is not finite."""
+
+
+class FileError(BhaError, OSError):
+    """A file or folder cannot be written or opened. The text names it, why, and the way out."""
 
 
 class SimulationError(BhaError, RuntimeError):
@@ -50,3 +55,29 @@ class ParameterWarning(UserWarning):
 
 class LogWarning(UserWarning):
     """A measured log is readable, but something about it deserves a look. The text says what."""
+
+
+class FileWarning(UserWarning):
+    """A file that the package keeps for itself is damaged or cannot be written; the work goes on without it."""
+
+
+def way_out(error: OSError) -> str:
+    """What the system says of a file, and what helps: the end of a :class:`FileError`'s text."""
+    # Other libraries give the number in their text only, or not at all.
+    said = error.strerror or str(error) or type(error).__name__
+    return f"{said}; {_WAYS_OUT[error.errno]}" if error.errno in _WAYS_OUT else said
+
+
+_WAYS_OUT = {
+    errno.ENOSPC: "make room, or name a path on another disk",
+    getattr(errno, "EDQUOT", errno.ENOSPC): "make room, or name a path on another disk",
+    errno.EFBIG: "raise the limit of file sizes (ulimit -f), or write less",
+    errno.EACCES: "name a path that you may write, or change its permissions",
+    errno.EPERM: "name a path that you may write, or change its permissions",
+    errno.EROFS: "name a path that you may write",
+    errno.ENAMETOOLONG: "use a shorter name",
+    errno.ENOENT: "name a folder that exists and takes files",
+    errno.ENOTDIR: "name a folder, not something below a file",
+    errno.EEXIST: "a file of that name is in the way; name another path",
+    errno.EMFILE: "too many files are open; raise the limit (ulimit -n)",
+}

@@ -1,7 +1,8 @@
 """Measured logs: pressures, lengths, head positions and forces over time, read from files and checked.
 
 A log is a table with one row per sample. Sample times may be irregular and may repeat, and a sensor may hold its last
-value; what may not be is a value that is not there. Columns are named with their unit, in any order (``bha.names``)::
+value; that a value is not there is an error, unless the caller says that samples of measured outputs may be missing.
+Columns are named with their unit, in any order (``bha.names``)::
 
     t [s], p11 [kPa(g)], p12 [kPa(g)], q11 [mm], x1 [m], y1 [m], z1 [m], fx1 [N]
 
@@ -10,20 +11,22 @@ Values are converted to SI and gauge pressures to absolute ones. Columns of othe
 
 from __future__ import annotations
 
-import hashlib
+import functools
 import os
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bha import log_formats, names
+from bha import log_arrays, log_content, log_formats, names
 from bha.errors import InputError, LogError, LogWarning
-from bha.log_columns import Column, check_values, missing, plan
-from bha.log_formats import Found, Progress
+from bha.log_content import Content
+from bha.log_formats import Progress
+from bha.log_headings import no_column
 
 STANDARD_ATMOSPHERE = 101325.0  # Pa
 
@@ -33,15 +36,18 @@ Array = NDArray[np.float64]
 class Log:
     """A measured log of m rows. Arrays are float64, read-only and in SI units.
 
-    Create one with :meth:`read` or :meth:`from_arrays`.
+    Create one with :meth:`read`, :meth:`from_arrays` or :meth:`from_frame`. Logs are equal if their columns, units and
+    ambient pressures are, wherever they come from.
 
     Attributes:
         time: time of each row, s, shape (m,), never decreasing.
         columns: names of all columns, in the order of the file.
         units: unit of each column's values: SI for the names of ``bha.names``, that of the file for others.
+        headings: the heading of each column as it stands in the file.
         ignored: columns that hold something else than numbers, or no heading, with the reason.
         gauge_columns: names of the pressures that the file has as gauge pressure; here they are absolute.
         ambient_pressure: what gauge pressures were taken relative to, Pa.
+        missing: whether samples of measured outputs may be missing; they are NaN.
         path: the file, or None.
         sha256: SHA-256 of the file, hexadecimal, or None.
     """
@@ -54,6 +60,8 @@ class Log:
         ambient_pressure: float,
         gauge_columns: Collection[str] = (),
         ignored: Mapping[str, str] = MappingProxyType({}),
+        headings: Mapping[str, str] = MappingProxyType({}),
+        missing: bool = False,
         path: Path | None = None,
         sha256: str | None = None,
     ) -> None:
@@ -63,6 +71,8 @@ class Log:
             array.flags.writeable = False
         self.units: Mapping[str, str] = MappingProxyType(dict(units))
         self.ignored: Mapping[str, str] = MappingProxyType(dict(ignored))
+        self.headings: Mapping[str, str] = MappingProxyType(dict(headings))
+        self.missing = missing
         self.gauge_columns = tuple(gauge_columns)
         self.ambient_pressure = ambient_pressure
         self.path = path
@@ -75,16 +85,20 @@ class Log:
         *,
         ambient_pressure: float = STANDARD_ATMOSPHERE,
         columns: Collection[str] | None = None,
+        missing: bool = False,
         progress: Progress | None = None,
-    ) -> Log:
+    ) -> Self:
         """Read a log from a CSV file (plain or gzip) or a Parquet file; its first bytes decide which it is.
 
-        Memory needed is that of the columns, 8 bytes a value, and little more.
+        Memory needed is that of the columns, 8 bytes a value, and little more. What comes through a pipe is kept in a
+        temporary file meanwhile.
 
         Args:
             path: the file.
             ambient_pressure: what gauge pressures are relative to, Pa: that of the arm.
             columns: names of the columns to read beside the time; all if None.
+            missing: whether empty cells and NaN (also NA, null, -) are missing samples, NaN in the log. Time, pressures
+                and forces can miss none.
             progress: called with the fraction done, from 0 to 1, about 20 times a second and at the end.
 
         Raises:
@@ -92,25 +106,17 @@ class Log:
             MissingExtraError: Parquet without pyarrow.
 
         Warns:
-            LogWarning: the last line has no line end, so its last number may have been cut.
+            LogWarning: the last line has no line end, so its last number may have been cut; a unit of a size that no
+                arm is measured in, such as mPa; absolute pressures that start from vacuum.
         """
-        path = Path(path)
-        origin = os.fspath(path)
         _check_ambient(ambient_pressure)
-
-        def decide(headings: Sequence[str]) -> list[Column]:
-            return plan(origin, headings, ambient_pressure=ambient_pressure, only=columns)
-
-        if log_formats.is_parquet(path):
-            planned, found = log_formats.read_parquet(path, decide, progress)
-        else:
-            planned, found, unterminated = log_formats.read_csv(path, decide, progress)
-            if unterminated:
-                text = f"{origin}: the last line has no line end; if the file was cut off, its last number may be wrong"
-                warnings.warn(text, LogWarning, stacklevel=2)
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return cls._of(planned, found, ambient_pressure, path, digest)
+        if isinstance(columns, str):
+            raise InputError(f"columns: found the text '{columns}'; expected names, such as ['{columns}']")
+        path = Path(path)
+        content = log_content.of_file(
+            path, ambient_pressure=ambient_pressure, columns=columns, missing=missing, progress=progress
+        )
+        return cls._of(content, os.fspath(path), ambient_pressure, missing, path)
 
     @classmethod
     def from_arrays(
@@ -118,60 +124,94 @@ class Log:
         columns: Mapping[str, ArrayLike],
         *,
         ambient_pressure: float = STANDARD_ATMOSPHERE,
+        missing: bool = False,
         origin: str = "<arrays>",
-    ) -> Log:
+    ) -> Self:
         """A log of arrays in memory, by the same headings and with the same checks as a file; the arrays are copied.
 
         >>> log = Log.from_arrays({"t [s]": [0.0, 0.1], "p11 [bar(g)]": [0.0, 1.0]})
         >>> log["p11"].tolist()
         [101325.0, 201325.0]
 
+        Args:
+            columns: plain real numbers by heading, each of shape (m,); or a table, as for :meth:`from_frame`.
+            ambient_pressure: as in :meth:`read`.
+            missing: as in :meth:`read`; masked values and None are missing too.
+            origin: what errors name as the file.
+
         Raises:
-            LogError: as :meth:`read`, with the row and ``origin`` as the file.
+            LogError: as :meth:`read`, with the row and ``origin`` as the file; also for text, dates, complex numbers,
+                switches and masked values, with the column.
         """
         _check_ambient(ambient_pressure)
-        planned = plan(origin, [heading.strip() for heading in columns], ambient_pressure=ambient_pressure)
-        found: list[Found] = []
-        for column, given in zip(planned, columns.values(), strict=True):
-            try:
-                values = np.array(given, dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise LogError(f"{origin}, column '{column.heading}': not an array of numbers: {error}") from error
-            if values.ndim != 1 or (found and len(values) != len(np.asarray(found[0]))):
-                expected = f"({len(np.asarray(found[0]))},)" if found else "(m,)"
-                raise LogError(f"{origin}, column '{column.heading}': found shape {values.shape}; expected {expected}")
-            check_values(origin, column, values)
-            found.append(values)
-        if not found or not len(np.asarray(found[0])):
-            raise LogError(f"{origin} has headings but no rows of numbers")
-        return cls._of(planned, found, ambient_pressure, None, None)
+        if log_arrays.is_frame(columns):
+            return cls.from_frame(columns, ambient_pressure=ambient_pressure, missing=missing, origin=origin)
+        if not isinstance(columns, Mapping):
+            expected = "arrays by heading, as in {'t [s]': ..., 'p11 [Pa]': ...}, or a table"
+            raise LogError(f"{origin}: found {type(columns).__name__}; expected {expected}")
+        content = log_content.of_columns(
+            columns.items(),
+            functools.partial(log_arrays.numbers, masked=missing),
+            origin,
+            ambient_pressure=ambient_pressure,
+            missing=missing,
+            strict=True,
+        )
+        return cls._of(content, origin, ambient_pressure, missing)
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: Any,
+        *,
+        ambient_pressure: float = STANDARD_ATMOSPHERE,
+        missing: bool = False,
+        origin: str = "<table>",
+    ) -> Self:
+        """A log of a table of another library: a DataFrame of pandas or polars, or a table of Arrow.
+
+        Its columns have the headings of a file, ``p11 [kPa(g)]``. The index of a pandas table counts as a column if it
+        has a name. As in a file, columns of other names that hold no numbers are ignored.
+
+        Raises:
+            LogError: as :meth:`from_arrays`.
+        """
+        _check_ambient(ambient_pressure)
+        if not log_arrays.is_frame(frame):
+            found = type(frame).__name__
+            expected = "a table with columns by name, such as a DataFrame (collect a lazy one first)"
+            raise LogError(f"{origin}: found {found}; expected {expected}")
+        try:
+            columns = list(log_arrays.frame_columns(frame))
+        except log_arrays.NotNumbersError as error:
+            raise LogError(f"{origin}: {error}") from error
+        content = log_content.of_columns(
+            columns,
+            log_arrays.frame_numbers,
+            origin,
+            ambient_pressure=ambient_pressure,
+            missing=missing,
+            strict=False,
+        )
+        return cls._of(content, origin, ambient_pressure, missing)
 
     @classmethod
     def _of(
-        cls, planned: Sequence[Column], found: Sequence[Found], ambient: float, path: Path | None, sha256: str | None
-    ) -> Log:
-        """Convert the columns in place, so that a long log never exists twice."""
-        values: dict[str, Array] = {}
-        ignored: dict[str, str] = {}
-        for number, (column, array) in enumerate(zip(planned, found, strict=True), start=1):
-            if isinstance(array, str):
-                ignored[column.name] = array
-            elif not column.name:
-                ignored[f"column {number}"] = "it has no heading"
-            elif array is not None:
-                if column.factor != 1.0:
-                    np.multiply(array, column.factor, out=array)
-                if column.offset != 0.0:
-                    np.add(array, column.offset, out=array)
-                values[column.name] = array
+        cls, content: Content, origin: str, ambient_pressure: float, missing: bool, path: Path | None = None
+    ) -> Self:
+        """The log of some content; warns the caller's caller of what is odd in it."""
+        for text in content.doubts:
+            warnings.warn(f"{origin}: {text}", LogWarning, stacklevel=3)
         return cls(
-            values,
-            {column.name: column.unit for column in planned if column.name in values},
-            ambient_pressure=ambient,
-            gauge_columns=[column.name for column in planned if column.gauge and column.name in values],
-            ignored=ignored,
+            content.values,
+            content.units,
+            ambient_pressure=ambient_pressure,
+            gauge_columns=content.gauge_columns,
+            ignored=content.ignored,
+            headings=content.headings,
+            missing=missing,
             path=path,
-            sha256=sha256,
+            sha256=content.sha256,
         )
 
     def __len__(self) -> int:
@@ -191,7 +231,7 @@ class Log:
         if name in self.ignored:
             raise LogError(f"{self._origin}: column '{name}' was not read: {self.ignored[name]}")
         if name not in self._values:
-            raise LogError(missing(self._origin, name, self._values))
+            raise LogError(no_column(self._origin, name, self._values))
         return self._values[name]
 
     def __repr__(self) -> str:
@@ -199,6 +239,36 @@ class Log:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s"
         more = ", ..." if len(self.columns) > 8 else ""
         return f"<Log {self._origin}: {len(self)} rows, {span}, {', '.join(self.columns[:8])}{more}>"
+
+    def __eq__(self, other: object) -> bool:
+        """Whether columns, units and ambient pressure are equal; missing samples equal each other."""
+        if not isinstance(other, Log):
+            return NotImplemented
+        return (
+            self.columns == other.columns
+            and self.units == other.units
+            and self.ambient_pressure == other.ambient_pressure
+            and self.gauge_columns == other.gauge_columns
+            and all(np.array_equal(self[name], other[name], equal_nan=True) for name in self.columns)
+        )
+
+    def __hash__(self) -> int:
+        """Equal for equal logs."""
+        return hash((self.columns, len(self), self.ambient_pressure, float(self.time[0]), float(self.time[-1])))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy is made from."""
+        return {
+            name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in vars(self).items()
+        }
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """As it was, arrays read-only."""
+        vars(self).update(state)
+        for name in ("units", "ignored", "headings"):
+            setattr(self, name, MappingProxyType(state[name]))
+        for array in self._values.values():
+            array.flags.writeable = False
 
     @property
     def _origin(self) -> str:
@@ -229,7 +299,11 @@ class Log:
 
     @property
     def lengths(self) -> Array | None:
-        """Bellows lengths, m, shape (m, 3n), n the last section with any; NaN where not measured; None if none is."""
+        """Bellows lengths, m, shape (m, 3n), n the last section with any; NaN where not measured; None if none is.
+
+        Raises:
+            LogError: a section has more than three; ``bha.Recording`` knows where an arm's bellows are.
+        """
         return self._gathered("length", np.nan)
 
     @property
@@ -238,9 +312,25 @@ class Log:
         return self._gathered("velocity", np.nan)
 
     @property
+    def coordinates(self) -> Array | None:
+        """Coordinates (virtual lengths), m, shape (m, 3n), like ``lengths``."""
+        return self._gathered("coordinate", np.nan)
+
+    @property
+    def coordinate_velocities(self) -> Array | None:
+        """Time derivatives of the coordinates, m/s, like ``lengths``."""
+        return self._gathered("coordinate_velocity", np.nan)
+
+    @property
     def head_positions(self) -> Array | None:
-        """Head positions in the base frame, m, shape (m, n, 3); NaN where not measured; None if none is."""
+        """Head positions as they were measured, m, shape (m, n, 3); NaN where not measured; None if none is."""
         return _by_axis(self._gathered("position", np.nan))
+
+    @property
+    def head_orientations(self) -> Array | None:
+        """Measured head orientations, quaternions (w, x, y, z), shape (m, n, 4), like ``head_positions``."""
+        gathered = self._gathered("orientation", np.nan, 4)
+        return None if gathered is None else gathered.reshape(len(self), -1, 4)
 
     @property
     def forces(self) -> Array | None:
@@ -263,16 +353,21 @@ class Log:
         padded.flags.writeable = False
         return padded
 
-    def _gathered(self, kind: str, absent: float) -> Array | None:
-        """The three columns per section of one kind of quantity, side by side; a copy."""
+    def _gathered(self, kind: str, absent: float, count: int = 3) -> Array | None:
+        """The ``count`` columns per section of one kind of quantity, side by side; a copy."""
         places = {}
         for name in self._values:
             quantity = names.quantity(name)
             if quantity is not None and quantity.kind == kind:
-                places[3 * (quantity.section - 1) + quantity.number - 1] = self._values[name]
+                if quantity.number > count:
+                    raise LogError(
+                        f"{self._origin}: column '{name}' is of bellows {quantity.number} of a section; a table of "
+                        f"lengths has {count} a section. bha.Recording(arm, log) knows where the arm's bellows are"
+                    )
+                places[count * (quantity.section - 1) + quantity.number - 1] = self._values[name]
         if not places:
             return None
-        width = 3 * (max(places) // 3 + 1)
+        width = count * (max(places) // count + 1)
         nothing = np.broadcast_to(absent, len(self))
         return _side_by_side([places.get(place, nothing) for place in range(width)], len(self))
 
@@ -314,6 +409,8 @@ class Log:
             ambient_pressure=ambient_pressure,
             gauge_columns=self.gauge_columns,
             ignored=self.ignored,
+            headings=self.headings,
+            missing=self.missing,
             path=self.path,
             sha256=self.sha256,
         )
@@ -336,7 +433,8 @@ class Log:
 
 
 def _check_ambient(ambient_pressure: float) -> None:
-    if not (np.isfinite(ambient_pressure) and ambient_pressure >= 0):
+    number = isinstance(ambient_pressure, int | float | np.number) and not isinstance(ambient_pressure, bool)
+    if not (number and np.isfinite(ambient_pressure) and ambient_pressure >= 0):
         raise InputError(f"ambient_pressure: found {ambient_pressure}; allowed: a finite number >= 0 (Pa)")
 
 

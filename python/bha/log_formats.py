@@ -1,16 +1,21 @@
 """File formats of measured logs: CSV, plain or gzip, and Parquet, in bounded memory beside the columns.
 
-Which of them a file is, is decided by its first bytes when reading and by its extension when writing.
+Which of them a file is, is decided by its first bytes when reading and by its extension when writing. What comes from a
+pipe is kept in a temporary file while it is read.
 """
 
 from __future__ import annotations
 
 import csv
 import gzip
+import hashlib
 import io
 import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+import shutil
+import stat
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -28,8 +33,52 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 # The values of a column as the file has them; None if skipped; where and what, if it holds something else than numbers.
 Found = Array | None | str
+# What to do with each column, by the headings and, of a text file, its first lines.
+Plan = Callable[[Sequence[str], Sequence[str]], list[Column]]
 
 BLOCK_ROWS = 65_536
+
+
+@contextmanager
+def rereadable(path: Path) -> Iterator[Path]:
+    """A path from which a log can be read from its beginning, as often as needed.
+
+    That is the path itself for a file, and a temporary file with what came out of it for a pipe.
+
+    Raises:
+        LogError: a device, or a pipe that cannot be read or kept.
+    """
+    try:
+        kind = path.stat().st_mode
+    except (OSError, ValueError):
+        # The reader says what is wrong with it.
+        kind = stat.S_IFREG
+    if stat.S_ISCHR(kind) or stat.S_ISBLK(kind):
+        raise LogError(f"{path}: is a device; a log is a file, or comes through a pipe")
+    if not stat.S_ISFIFO(kind) and not stat.S_ISSOCK(kind):
+        yield path
+        return
+    with tempfile.NamedTemporaryFile(prefix="bha-log-") as kept:
+        try:
+            with path.open("rb") as pipe:
+                shutil.copyfileobj(pipe, kept, 1 << 20)
+            kept.flush()
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read from this pipe: {error.strerror}; write it to a file") from error
+        yield Path(kept.name)
+
+
+def sha256(path: Path, origin: str) -> str:
+    """SHA-256 of a file, hexadecimal.
+
+    Raises:
+        LogError: the file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise LogError(f"{origin}: cannot be read: {error.strerror}") from error
 
 
 def is_parquet(path: Path) -> bool:
@@ -37,14 +86,12 @@ def is_parquet(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             return file.read(4) == b"PAR1"
-    except OSError:
+    except (OSError, ValueError):
         return False
 
 
-def read_csv(
-    path: Path, plan: Callable[[Sequence[str]], list[Column]], progress: Progress | None
-) -> tuple[list[Column], list[Found], bool]:
-    """Read a CSV file.
+def read_csv(path: Path, origin: str, plan: Plan, progress: Progress | None) -> tuple[list[Column], list[Found], bool]:
+    """Read a CSV file; errors call it ``origin``.
 
     Returns:
         The columns, what was found in each, and whether the last line has no line end.
@@ -54,19 +101,17 @@ def read_csv(
     """
     columns: list[Column] = []
 
-    def core_plan(headings: list[str]) -> list[tuple[str, float, str]]:
-        columns.extend(plan(headings))
-        return [(column.used, column.least, column.hint) for column in columns]
+    def core_plan(headings: list[str], opening: list[str]) -> list[tuple[str, float, str, bool, str]]:
+        columns.extend(plan(headings, opening))
+        return [(column.used, column.least, column.hint, column.missing, column.absent) for column in columns]
 
-    read, unterminated = _core.read_table(os.fspath(path), core_plan, progress)
+    read, unterminated = _core.read_table(os.fspath(path), core_plan, progress, origin)
     found = [f"line {entry[0]}: '{entry[1]}' is not a number" if isinstance(entry, tuple) else entry for entry in read]
     return columns, found, unterminated
 
 
-def read_parquet(
-    path: Path, plan: Callable[[Sequence[str]], list[Column]], progress: Progress | None
-) -> tuple[list[Column], list[Found]]:
-    """Read a Parquet file, column by column and block by block.
+def read_parquet(path: Path, origin: str, plan: Plan, progress: Progress | None) -> tuple[list[Column], list[Found]]:
+    """Read a Parquet file, column by column and block by block; errors call it ``origin``.
 
     Raises:
         LogError: a fault, with row and column.
@@ -74,25 +119,36 @@ def read_parquet(
     """
     pyarrow = import_extra("pyarrow", extra="parquet", purpose="Reading Parquet files")
     parquet = import_extra("pyarrow.parquet", extra="parquet", purpose="Reading Parquet files")
-    try:
-        with parquet.ParquetFile(path) as file:
-            schema = file.schema_arrow
-            columns = plan([str(name).strip() for name in schema.names])
+    with ExitStack() as stack:
+        with _named_faults(pyarrow, origin):
+            file = stack.enter_context(parquet.ParquetFile(path))
+            fields = list(file.schema_arrow)
             rows = file.metadata.num_rows
-            if rows == 0:
-                raise LogError(f"{path} has headings but no rows of numbers")
-            wanted = [i for i, column in enumerate(columns) if column.used != SKIP]
-            found: list[Found] = [None] * len(columns)
-            if progress is not None:
-                progress(0.0)
-            for place, index in enumerate(wanted):
-                watch = None if progress is None else _share(progress, place, len(wanted))
-                found[index] = _read_column(pyarrow, file, columns[index], schema.field(index), path, watch)
-            if progress is not None:
-                progress(1.0)
-            return columns, found
-    except (pyarrow.ArrowException, OSError) as error:
-        raise LogError(f"{path}: the Parquet data is damaged or cut off: {error}") from error
+            headings = [str(field.name).strip() for field in fields]
+        columns = plan(headings, ())
+        if rows <= 0:
+            raise LogError(f"{origin} has headings but no rows of numbers")
+        wanted = [i for i, column in enumerate(columns) if column.used != SKIP]
+        found: list[Found] = [None] * len(columns)
+        if progress is not None:
+            progress(0.0)
+        for place, index in enumerate(wanted):
+            watch = None if progress is None else _share(progress, place, len(wanted))
+            found[index] = _read_column(pyarrow, file, columns[index], fields[index], origin, watch)
+        if progress is not None:
+            progress(1.0)
+        return columns, found
+
+
+@contextmanager
+def _named_faults(pyarrow: Any, origin: str) -> Iterator[None]:
+    """What pyarrow raises at a damaged file, as the package's own error."""
+    try:
+        yield
+    except UnicodeDecodeError as error:
+        raise LogError(f"{origin}: a column's name is not UTF-8 text; rename it") from error
+    except (pyarrow.ArrowException, OSError, ValueError, MemoryError) as error:
+        raise LogError(f"{origin}: the Parquet data is damaged or cut off: {error}") from error
 
 
 def _share(progress: Progress, part: int, parts: int) -> Progress:
@@ -100,27 +156,38 @@ def _share(progress: Progress, part: int, parts: int) -> Progress:
     return lambda fraction: progress((part + fraction) / parts)
 
 
-def _read_column(pyarrow: Any, file: Any, column: Column, field: Any, path: Path, progress: Progress | None) -> Found:
+def _read_column(pyarrow: Any, file: Any, column: Column, field: Any, origin: str, progress: Progress | None) -> Found:
     """One column; its type is checked before its values, its values after it is whole."""
     kinds = pyarrow.types
     if not (kinds.is_integer(field.type) or kinds.is_floating(field.type) or kinds.is_decimal(field.type)):
         if column.used == FREE:
             return f"{field.type} is not a type of numbers"
-        raise LogError(f"{path}, column '{column.heading}': holds {field.type}; expected numbers, best float64")
-    values = np.empty(file.metadata.num_rows)
+        raise LogError(f"{origin}, column '{column.heading}': holds {field.type}; expected numbers, best float64")
+    with _named_faults(pyarrow, origin):
+        rows = file.metadata.num_rows
+        values = np.empty(rows)
+        batches = file.iter_batches(batch_size=BLOCK_ROWS, columns=[field.name])
     row = 0
-    for batch in file.iter_batches(batch_size=BLOCK_ROWS, columns=[field.name]):
+    while True:
         if progress is not None:
-            progress(row / len(values))
-        cells = batch.column(0)
-        if cells.null_count and column.used != FREE:
-            first = row + int(np.argmax(cells.is_null().to_numpy(zero_copy_only=False)))
-            text = "the cell is empty; write the last known value, as a sensor that holds it would, or remove the row"
-            raise LogError(f"{path}, row {first + 1}, column '{column.heading}': {text}")
-        values[row : row + len(cells)] = cells.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False)
+            progress(row / rows)
+        with _named_faults(pyarrow, origin):
+            batch = next(batches, None)
+            if batch is None:
+                break
+            # By its place: the name "pose.x" stands for the column of that name and for a part of a column "pose" too.
+            cells = batch.column(batch.schema.names.index(field.name))
+            if row + len(cells) > rows:
+                raise LogError(f"{origin}: the Parquet data is damaged: more rows than the file says, {rows}")
+            absent = cells.is_null().to_numpy(zero_copy_only=False) if cells.null_count else None
+            values[row : row + len(cells)] = cells.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False)
+        if absent is not None and not column.missing:
+            text = f"the cell is empty; {column.absent}"
+            raise LogError(f"{origin}, row {row + int(np.argmax(absent)) + 1}, column '{column.heading}': {text}")
         row += len(cells)
-    check_values(os.fspath(path), column, values)
-    return values
+    if row != rows:
+        raise LogError(f"{origin}: the Parquet data is damaged or cut off: {row} rows of {rows}")
+    return check_values(origin, column, values) or values
 
 
 def write(path: Path, columns: Mapping[str, Array], progress: Progress | None) -> None:

@@ -4,17 +4,24 @@ A name is a short prefix followed by the section number and, where a section has
 number, both counted from 1: ``q11`` is the length of bellows 1 of section 1. Where either number has two digits an
 underscore keeps them apart: ``q10_1``, ``p1_12``. A column of a file is a name with its unit in brackets: ``q11 [m]``.
 
-=========================  ===============  ====
-quantity                   name             SI
-=========================  ===============  ====
-time                       ``t``            s
-bellows length             ``q11``          m
-bellows velocity           ``qd11``         m/s
-pressure, measured         ``p11``          Pa
-pressure, commanded        ``pc11``         Pa
-head position, base frame  ``x1 y1 z1``     m
-external force             ``fx1 fy1 fz1``  N
-=========================  ===============  ====
+==========================  ====================  ====
+quantity                    name                  SI
+==========================  ====================  ====
+time                        ``t``                 s
+bellows length              ``q11``               m
+bellows velocity            ``qd11``              m/s
+coordinate                  ``qv11``              m
+coordinate velocity         ``qvd11``             m/s
+pressure, measured          ``p11``               Pa
+pressure, commanded         ``pc11``              Pa
+head position               ``x1 y1 z1``          m
+head orientation            ``ow1 ox1 oy1 oz1``   1
+external force, base frame  ``fx1 fy1 fz1``       N
+==========================  ====================  ====
+
+A section has up to 12 bellows, but three coordinates: the lengths at its ``bellows_radius`` at 0, 120 and 240 degrees,
+whether or not bellows are there ("virtual" lengths). Where the bellows are these three, ``q11`` and ``qv11`` are the
+same number. Orientations are unit quaternions, scalar first; their unit ``[1]`` may be left out.
 """
 
 from __future__ import annotations
@@ -29,14 +36,33 @@ _UNITS = {
     "time": "s",
     "length": "m",
     "velocity": "m/s",
+    "coordinate": "m",
+    "coordinate_velocity": "m/s",
     "pressure": "Pa",
     "commanded_pressure": "Pa",
     "position": "m",
+    "orientation": "1",
     "force": "N",
 }
-_PREFIXES = {"q": "length", "qd": "velocity", "p": "pressure", "pc": "commanded_pressure"}
-_PAIRED = re.compile(r"(qd?|pc?)(?:([1-9])([1-9])|([1-9]\d+)_([1-9]\d*)|([1-9])_([1-9]\d+))")
+#: Most bellows of a section, and the number of its coordinates.
+MOST_BELLOWS, COORDINATES = 12, 3
+_MOST = {
+    "length": MOST_BELLOWS,
+    "velocity": MOST_BELLOWS,
+    "coordinate": COORDINATES,
+    "coordinate_velocity": COORDINATES,
+}
+_PREFIXES = {
+    "q": "length",
+    "qd": "velocity",
+    "qv": "coordinate",
+    "qvd": "coordinate_velocity",
+    "p": "pressure",
+    "pc": "commanded_pressure",
+}
+_PAIRED = re.compile(r"(qv?d?|pc?)(?:([1-9])([1-9])|([1-9]\d+)_([1-9]\d*)|([1-9])_([1-9]\d+))")
 _AXIS = re.compile(r"(f?)([xyz])([1-9]\d*)")
+_ORIENTATION = re.compile(r"o([wxyz])([1-9]\d*)")
 _PRESSURE = re.compile(r"pc?(?:([1-9])[1-9]|([1-9]\d*)_[1-9]\d*)")
 
 
@@ -48,6 +74,16 @@ def length_name(section: int, bellows: int) -> str:
 def velocity_name(section: int, bellows: int) -> str:
     """Name of the time derivative of a bellows length, ``qd11``."""
     return "qd" + _pair(section, bellows)
+
+
+def coordinate_name(section: int, number: int) -> str:
+    """Name of a coordinate (a virtual length), ``qv11``; sections and coordinates count from 1."""
+    return "qv" + _pair(section, number)
+
+
+def coordinate_velocity_name(section: int, number: int) -> str:
+    """Name of the time derivative of a coordinate, ``qvd11``."""
+    return "qvd" + _pair(section, number)
 
 
 def pressure_name(section: int, number: int) -> str:
@@ -67,9 +103,15 @@ def section_of_pressure(name: str) -> int | None:
 
 
 def position_names(section: int) -> tuple[str, str, str]:
-    """Names of the head position of a section in the base frame, ``("x1", "y1", "z1")``."""
+    """Names of the head position of a section, ``("x1", "y1", "z1")``."""
     _check(section, "section")
     return (f"x{section}", f"y{section}", f"z{section}")
+
+
+def orientation_names(section: int) -> tuple[str, str, str, str]:
+    """Names of the head orientation of a section, a unit quaternion, ``("ow1", "ox1", "oy1", "oz1")``."""
+    _check(section, "section")
+    return (f"ow{section}", f"ox{section}", f"oy{section}", f"oz{section}")
 
 
 def force_names(section: int) -> tuple[str, str, str]:
@@ -83,10 +125,11 @@ class Quantity:
     """What a name stands for.
 
     Attributes:
-        kind: ``"time"``, ``"length"``, ``"velocity"``, ``"pressure"``, ``"commanded_pressure"``, ``"position"`` or
-            ``"force"``.
+        kind: ``"time"``, ``"length"``, ``"velocity"``, ``"coordinate"``, ``"coordinate_velocity"``, ``"pressure"``,
+            ``"commanded_pressure"``, ``"position"``, ``"orientation"`` or ``"force"``.
         section: number of the section, from 1; 0 for the time.
-        number: number of the bellows or input, from 1; that of the axis, from 1 for x, of positions and forces.
+        number: number of the bellows, coordinate or input, from 1; that of the axis, from 1 for x, of positions and
+            forces; that of the entry, from 1 for w, of orientations.
     """
 
     kind: str
@@ -95,7 +138,7 @@ class Quantity:
 
     @property
     def unit(self) -> str:
-        """SI unit of the quantity."""
+        """SI unit of the quantity, "1" where it has none."""
         return _UNITS[self.kind]
 
 
@@ -106,10 +149,18 @@ def quantity(name: str) -> Quantity | None:
     if found := _PAIRED.fullmatch(name):
         section, number = (int(digits) for digits in found.groups()[1:] if digits)
         kind = _PREFIXES[found[1]]
-        return Quantity(kind, section, number) if number <= 3 or kind.endswith("pressure") else None
+        return Quantity(kind, section, number) if number <= _MOST.get(kind, number) else None
     if found := _AXIS.fullmatch(name):
         return Quantity("force" if found[1] else "position", int(found[3]), "xyz".index(found[2]) + 1)
+    if found := _ORIENTATION.fullmatch(name):
+        return Quantity("orientation", int(found[2]), "wxyz".index(found[1]) + 1)
     return None
+
+
+def meant(name: str) -> str | None:
+    """The quantity's name that ``name`` is but for case, blanks and separators, ``q11`` of ``Q_11``; None if none."""
+    plain = re.sub(r"[\s_.,:-]", "", name)
+    return next((spelt for spelt in (name, plain, plain.lower()) if quantity(spelt)), None)
 
 
 def column(name: str, unit: str) -> str:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arrays import floats
 from bha.errors import InputError, SimulationError
 from bha.log import Log
+from bha.recordings import PressureSort, Recording
 from bha.trajectory import Trajectory
+from bha.trajectory_formats import ARRAYS, OPTIONAL_ARRAYS
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -49,14 +52,13 @@ class Input:
     @classmethod
     def constant(cls, pressures: ArrayLike, duration: float) -> Input:
         """The same ``pressures`` (inputs,), Pa absolute, from 0 to ``duration`` s."""
-        row = np.asarray(pressures, dtype=np.float64)
+        row = floats(pressures, "pressures", (None,))
         return cls(np.array([0.0, duration]), np.vstack([row, row]))
 
     @classmethod
-    def from_log(cls, arm: Arm, log: Log, *, commanded: bool = False) -> Input:
-        """The pressures (``commanded`` ones if asked) and external forces of a measured log."""
-        forces = log.forces_on(arm.section_count)
-        return cls(log.time, log.pressures(arm.inputs, commanded=commanded), forces, commanded)
+    def from_log(cls, arm: Arm, log: Log, *, pressures: PressureSort | None = None) -> Input:
+        """What drives an arm in a measured log: ``drive`` of its :class:`bha.Recording`."""
+        return Recording(arm, log, pressures=pressures).drive
 
 
 @dataclass(frozen=True)
@@ -134,21 +136,17 @@ class Simulation:
             SimulationError: the run could not go on; ``error.time`` says when, ``error.trajectory`` holds the rows
                 until then.
         """
-        times = np.asarray(times, dtype=np.float64)
-        lengths, velocities, pressures, heads, measured, failure = self._core.advance(times)
-        rows = len(lengths)
+        times = floats(times, "times", (None,))
+        arrays, failure = self._core.advance(times)
         before, self._counts = self._counts, self._core.statistics
         names = ("steps", "rejected_steps", "evaluations")
         trajectory = Trajectory(
-            time=times[:rows],
-            lengths=lengths,
-            velocities=velocities,
-            pressures=pressures,
-            head_positions=heads.reshape(rows, -1, 3),
-            measured_lengths=measured,
+            time=times[: len(arrays["lengths"])],
+            **arrays,
             input_names=self.arm.inputs,
             statistics={n: a - b for n, a, b in zip(names, self._counts, before, strict=True)},
             arm_name=self.arm.name,
+            virtual_lengths=not self.arm.parameters.has_standard_bellows,
         )
         if failure is not None:
             failure.trajectory = trajectory
@@ -172,7 +170,7 @@ def output_times(drive: Input, dt: float | None, t_end: float | None = None) -> 
     Raises:
         InputError: ``dt`` or ``t_end`` is not allowed.
     """
-    time = np.asarray(drive.time, dtype=np.float64)
+    time = floats(drive.time, "time", (None,))
     if len(time) == 0:
         raise InputError("the input has no samples; at least one is needed")
     end = float(time[-1]) if t_end is None else float(t_end)
@@ -189,13 +187,13 @@ def output_times(drive: Input, dt: float | None, t_end: float | None = None) -> 
 
 def simulate(
     arm: Arm,
-    drive: Input | Log | Callable[[float], ArrayLike],
+    drive: Input | Log | Recording | Callable[[float], ArrayLike],
     *,
     t_end: float | None = None,
     dt: float | None = None,
     q0: ArrayLike | None = None,
     qd0: ArrayLike | None = None,
-    commanded: bool = False,
+    pressures: PressureSort | None = None,
     options: Options | None = None,
     method: Method | None = None,
     step: float | None = None,
@@ -205,13 +203,15 @@ def simulate(
 
     Args:
         arm: the arm.
-        drive: an :class:`Input`, a measured :class:`bha.Log` (its pressures and external forces), or a function of time
-            that returns the pressures (inputs,), Pa absolute; a function is sampled every ``dt`` (1 ms) beforehand.
+        drive: an :class:`Input`, a measured :class:`bha.Log` or :class:`bha.Recording` (pressures and external forces),
+            or a function of time that returns the pressures (inputs,), Pa absolute; a function is sampled every ``dt``
+            (1 ms) beforehand.
         t_end: end, s; the last sample if None (needed for a function).
         dt: distance of the output rows, s; the samples' own times if None.
         q0: initial lengths (3n,), m; at rest under the first pressures if None.
         qd0: initial rates (3n,), m/s; zero if None.
-        commanded: drive with a log's commanded pressures instead of the measured ones.
+        pressures: which pressures of a log drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
+            where it has them.
         options: how to integrate; ``method`` and ``step`` override it.
         method: ``"dopri5"``, ``"rk4"`` or ``"ros2"``.
         step: step of ``rk4``, s.
@@ -230,7 +230,7 @@ def simulate(
     changes = {key: value for key, value in (("method", method), ("step", step)) if value is not None}
     if changes:
         options = Options(**{**options.__dict__, **changes})
-    source = as_input(arm, drive, t_end=t_end, dt=dt, commanded=commanded)
+    source = as_input(arm, drive, t_end=t_end, dt=dt, pressures=pressures)
     times = output_times(source, dt, t_end)
     run = Simulation(arm, source, options, q0=q0, qd0=qd0)
     pieces: list[Trajectory] = []
@@ -247,11 +247,11 @@ def simulate(
 
 def as_input(
     arm: Arm,
-    drive: Input | Log | Callable[[float], ArrayLike],
+    drive: Input | Log | Recording | Callable[[float], ArrayLike],
     *,
     t_end: float | None = None,
     dt: float | None = None,
-    commanded: bool = False,
+    pressures: PressureSort | None = None,
 ) -> Input:
     """``drive`` in any of the forms that :func:`simulate` takes, as an :class:`Input`.
 
@@ -261,15 +261,17 @@ def as_input(
     """
     if isinstance(drive, Input):
         return drive
+    if isinstance(drive, Recording):
+        return drive.drive
     if isinstance(drive, Log):
-        return Input.from_log(arm, drive, commanded=commanded)
+        return Input.from_log(arm, drive, pressures=pressures)
     if callable(drive):
         if t_end is None:
             raise InputError("t_end: an end time is needed where the pressures are a function of time")
         time = np.arange(int(np.ceil(t_end / (dt or 1e-3))) + 1, dtype=np.float64) * (dt or 1e-3)
-        rows: Sequence[NDArray[np.float64]] = [np.asarray(drive(float(t)), dtype=np.float64) for t in time]
+        rows: Sequence[NDArray[np.float64]] = [floats(drive(float(t)), f"drive({t})", (len(arm.inputs),)) for t in time]
         return Input(time, np.vstack(rows))
-    raise InputError(f"drive: {type(drive).__name__}; an Input, a Log or a function of time is needed")
+    raise InputError(f"drive: {type(drive).__name__}; an Input, a Log, a Recording or a function of time is needed")
 
 
 def concatenate(pieces: Sequence[Trajectory]) -> Trajectory:
@@ -279,16 +281,11 @@ def concatenate(pieces: Sequence[Trajectory]) -> Trajectory:
     if len(pieces) == 1:
         return pieces[0]
     first = pieces[0]
-    # A piece without rows has no measured lengths either.
-    measured = [p.measured_lengths for p in pieces if p.measured_lengths is not None]
-    return Trajectory(
-        time=np.concatenate([p.time for p in pieces]),
-        lengths=np.concatenate([p.lengths for p in pieces]),
-        velocities=np.concatenate([p.velocities for p in pieces]),
-        pressures=np.concatenate([p.pressures for p in pieces]),
-        head_positions=np.concatenate([p.head_positions for p in pieces]),
-        measured_lengths=np.concatenate(measured) if measured else None,
-        input_names=first.input_names,
-        statistics={key: sum(p.statistics[key] for p in pieces) for key in first.statistics},
-        arm_name=first.arm_name,
-    )
+    arrays: dict[str, Any] = {}
+    for name in (*ARRAYS, *OPTIONAL_ARRAYS):
+        # A piece without rows has no measured values either.
+        found = [array for piece in pieces if (array := getattr(piece, name)) is not None]
+        if found:
+            arrays[name] = np.concatenate(found)
+    statistics = {key: sum(p.statistics[key] for p in pieces) for key in first.statistics}
+    return replace(first, **arrays, statistics=statistics)

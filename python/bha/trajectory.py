@@ -6,10 +6,10 @@ import os
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from bha import names
 from bha.errors import InputError
 from bha.files import written_whole
-from bha.trajectory_formats import ARRAYS, BLOCK_ROWS, Sink, open_sink
+from bha.trajectory_formats import ARRAYS, BLOCK_ROWS, NOT_WRITTEN, OPTIONAL_ARRAYS, Sink, open_sink, written_arrays
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """States of an arm over time; m rows, n sections. Arrays are float64 and read-only.
+
+    Trajectories are equal if their arrays, inputs and arm names are; how many steps it took does not matter.
 
     Attributes:
         time: time of each row, s, shape (m,), never decreasing.
@@ -35,9 +37,17 @@ class Trajectory:
         arm_name: name of the arm.
         measured_lengths: lengths as their sensors have them, m, shape (m, 3n), where effects of the arm act on sensors
             (delay, offset, gain); else None. ``lengths`` are always the true ones; files hold those.
+        head_orientations: orientation of each section's head in the base frame, shape (m, n, 4), or None: unit
+            quaternions (w, x, y, z), of the two that mean the same rotation the one with w >= 0.
+        measured_head_positions: head positions as they are measured, m, shape (m, n, 3), where an effect of the arm
+            delays them; else None. Files hold the true ones.
+        measured_head_orientations: orientations likewise, shape (m, n, 4), or None.
+        virtual_lengths: whether ``lengths`` are no bellows' own, because the arm's bellows are not the standard three
+            (at 0, 120 and 240 degrees, at ``bellows_radius``), but those of the three coordinates there: files name
+            them ``qv11`` then.
 
     Raises:
-        InputError: shapes do not fit together, time runs backwards, or input names are not unique.
+        InputError: shapes do not fit together, time is not finite or runs backwards, or input names are not unique.
     """
 
     time: NDArray[np.float64]
@@ -46,15 +56,22 @@ class Trajectory:
     pressures: NDArray[np.float64]
     head_positions: NDArray[np.float64]
     input_names: tuple[str, ...]
-    statistics: Mapping[str, int] = field(default_factory=dict)
+    statistics: Mapping[str, int] = field(default_factory=dict, compare=False)
     arm_name: str = ""
     measured_lengths: NDArray[np.float64] | None = None
+    head_orientations: NDArray[np.float64] | None = None
+    measured_head_positions: NDArray[np.float64] | None = None
+    measured_head_orientations: NDArray[np.float64] | None = None
+    virtual_lengths: bool = False
 
     def __post_init__(self) -> None:
         """Check what was given and make it read-only, without copying it."""
         time = np.asarray(self.time, dtype=np.float64)
         if time.ndim != 1:
             raise InputError(f"time: expected shape (m,), found {time.shape}")
+        if not np.isfinite(time).all():
+            row = int(np.argmin(np.isfinite(time)))
+            raise InputError(f"time: found {time[row]} at row {row}; expected finite numbers, s")
         if np.any(np.diff(time) < 0):
             row = int(np.argmax(np.diff(time) < 0)) + 1
             raise InputError(f"time: must not decrease, found {time[row - 1]} s then {time[row]} s at row {row}")
@@ -68,8 +85,13 @@ class Trajectory:
             "pressures": (rows, len(self.input_names)),
             "head_positions": (rows, columns // 3, 3),
         }
-        if self.measured_lengths is not None:
-            expected["measured_lengths"] = (rows, columns)
+        optional = {
+            "measured_lengths": expected["lengths"],
+            "head_orientations": (rows, columns // 3, 4),
+            "measured_head_positions": expected["head_positions"],
+            "measured_head_orientations": (rows, columns // 3, 4),
+        }
+        expected |= {name: shape for name, shape in optional.items() if getattr(self, name) is not None}
         for name, shape in expected.items():
             array = np.asarray(getattr(self, name), dtype=np.float64).view()
             if array.shape != shape:
@@ -86,10 +108,33 @@ class Trajectory:
         """Number of rows."""
         return len(self.time)
 
+    def __repr__(self) -> str:
+        """Arm, rows, time, sections and inputs in one line."""
+        span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else ""
+        counts = f"{self.section_count} sections, {len(self.input_names)} inputs"
+        return f"<Trajectory of {self.arm_name or 'an arm'}: {len(self)} rows{span}, {counts}>"
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all arrays and names are equal, to the last bit."""
+        if not isinstance(other, Trajectory):
+            return NotImplemented
+        return all(_equal(getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.compare)
+
+    def __hash__(self) -> int:
+        """Equal for equal trajectories."""
+        return hash((self.arm_name, self.input_names, self.lengths.shape, tuple(self.time[:1].tolist())))
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """A copy or an unpickled trajectory: its arrays are read-only like those of the first one."""
+        vars(self).update(state)
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
     def __getitem__(self, rows: slice) -> Trajectory:
         """Some of the rows, as views: ``trajectory[100:200]``, ``trajectory[::10]``; the rest stays as it is."""
-        measured = None if self.measured_lengths is None else self.measured_lengths[rows]
-        return replace(self, **{name: getattr(self, name)[rows] for name in ARRAYS}, measured_lengths=measured)
+        arrays = {name: getattr(self, name) for name in (*ARRAYS, *OPTIONAL_ARRAYS)}
+        return replace(self, **{name: array[rows] for name, array in arrays.items() if array is not None})
 
     @property
     def section_count(self) -> int:
@@ -97,21 +142,29 @@ class Trajectory:
         return int(self.head_positions.shape[1])
 
     def columns(self) -> list[str]:
-        """Headings of the columns in a file: ``t [s]``, ``q11 [m]``, ``qd11 [m/s]``, ``p11 [Pa]``, ``x1 [m]``."""
+        """Headings of the columns in a file: ``t [s]``, ``q11 [m]``, ``qd11 [m/s]``, ``p11 [Pa]``, ``x1 [m]``, ...
+
+        Lengths that are no bellows' own are ``qv11 [m]``, their rates ``qvd11 [m/s]``.
+        """
         sections = range(1, self.section_count + 1)
         bellows = [(section, number) for section in sections for number in (1, 2, 3)]
-        return [
+        length = names.coordinate_name if self.virtual_lengths else names.length_name
+        velocity = names.coordinate_velocity_name if self.virtual_lengths else names.velocity_name
+        headings = [
             names.column(names.TIME, "s"),
-            *(names.column(names.length_name(*pair), "m") for pair in bellows),
-            *(names.column(names.velocity_name(*pair), "m/s") for pair in bellows),
+            *(names.column(length(*pair), "m") for pair in bellows),
+            *(names.column(velocity(*pair), "m/s") for pair in bellows),
             *(names.column(name, "Pa") for name in self.input_names),
             *(names.column(name, "m") for section in sections for name in names.position_names(section)),
         ]
+        if self.head_orientations is not None:
+            headings += (names.column(name, "1") for section in sections for name in names.orientation_names(section))
+        return headings
 
     def table(self) -> NDArray[np.float64]:
         """All columns side by side in the order of ``columns()``, shape (m, number of columns); a copy."""
-        heads = self.head_positions.reshape(len(self), -1)
-        return np.column_stack([self.time, self.lengths, self.velocities, self.pressures, heads])
+        heads = [a.reshape(len(self), -1) for a in (self.head_positions, self.head_orientations) if a is not None]
+        return np.column_stack([self.time, self.lengths, self.velocities, self.pressures, *heads])
 
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write the trajectory to a file, whole or not at all; the extension chooses the format.
@@ -129,6 +182,12 @@ class Trajectory:
         with TrajectoryWriter(path) as writer:
             writer.append(self)
         return Path(path)
+
+
+def _equal(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray) != isinstance(other, np.ndarray):
+        return False
+    return np.array_equal(one, other, equal_nan=True) if isinstance(one, np.ndarray) else bool(one == other)
 
 
 class TrajectoryWriter:
@@ -177,9 +236,9 @@ class TrajectoryWriter:
             )
         if self._sink is None:
             # Of the first chunk only the headings are needed later; its rows must not stay in memory, so no views.
-            self._first = replace(
-                chunk, **{name: getattr(chunk, name)[:0].copy() for name in ARRAYS}, measured_lengths=None
-            )
+            empty: dict[str, Any] = {name: getattr(chunk, name)[:0].copy() for name in written_arrays(chunk)}
+            empty |= dict.fromkeys(NOT_WRITTEN)
+            self._first = replace(chunk, **empty)
             self._sink = self._open_sink(self._stack.enter_context(written_whole(self.path)), self._first)
         for start in range(0, len(chunk), BLOCK_ROWS):
             self._sink.write(chunk[start : start + BLOCK_ROWS])

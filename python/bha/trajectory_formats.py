@@ -22,10 +22,18 @@ from bha.extras import import_extra
 if TYPE_CHECKING:
     from bha.trajectory import Trajectory
 
-# Attributes of a trajectory that hold one entry for each row.
+# Attributes of a trajectory that hold one entry for each row; the optional ones may be None.
 ARRAYS = ("time", "lengths", "velocities", "pressures", "head_positions")
+# Files hold what is true, not what an effect makes sensors say.
+NOT_WRITTEN = ("measured_lengths", "measured_head_positions", "measured_head_orientations")
+OPTIONAL_ARRAYS = ("head_orientations", *NOT_WRITTEN)
 # Rows written at a time, and rows of a Parquet row group: 16 MB for 30 columns, enough to compress well.
 BLOCK_ROWS = 65_536
+
+
+def written_arrays(trajectory: Trajectory) -> tuple[str, ...]:
+    """The attributes of a trajectory, an entry a row each, that a file of it holds."""
+    return ARRAYS if trajectory.head_orientations is None else (*ARRAYS, "head_orientations")
 
 
 class Sink(Protocol):
@@ -136,9 +144,9 @@ class _NpzSink:
         self._rows = 0
         self._stack = ExitStack()
         # Beside the file, not in the system's folder for temporary files, which may be small or in memory.
-        temporary_files = (tempfile.TemporaryFile(dir=path.parent) for _ in ARRAYS)  # noqa: SIM115
         self._raw: dict[str, IO[bytes]] = {
-            name: self._stack.enter_context(file) for name, file in zip(ARRAYS, temporary_files, strict=True)
+            name: self._stack.enter_context(tempfile.TemporaryFile(dir=path.parent))  # noqa: SIM115
+            for name in written_arrays(like)
         }
 
     def write(self, chunk: Trajectory) -> None:
@@ -162,6 +170,7 @@ class _NpzSink:
                 "input_names": np.array(self._like.input_names, dtype=np.str_),
                 "arm_name": np.array(self._like.arm_name, dtype=np.str_),
                 "statistics": np.array(json.dumps(dict(statistics)), dtype=np.str_),
+                "virtual_lengths": np.array(self._like.virtual_lengths),
             }
             for name, array in texts.items():
                 with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w") as member:

@@ -9,6 +9,8 @@ use crate::real::Real;
 
 /// Highest power of the spring polynomial.
 pub const STIFFNESS_TERMS: usize = 8;
+/// Most sections: rest and linearization take time with the cube of their number, about a second for these.
+pub const MOST_SECTIONS: usize = 256;
 /// Most bellows in a section.
 pub const BELLOWS_PER_SECTION: usize = 12;
 
@@ -218,12 +220,12 @@ impl Arm<f64> {
     /// # Errors
     /// As for [`Arm::new`].
     pub fn unapplied(parameters: &ArmParameters) -> Result<Self> {
-        if parameters.section.is_empty() {
+        if !(1..=MOST_SECTIONS).contains(&parameters.section.len()) {
             return Err(Error::Parameter {
                 place: parameters.name.clone(),
                 key: "number of sections",
-                found: "0".to_owned(),
-                allowed: "at least one is needed",
+                found: parameters.section.len().to_string(),
+                allowed: "1 to 256 are allowed",
             });
         }
         for g in parameters.gravity {

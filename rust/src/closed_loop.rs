@@ -6,7 +6,7 @@
 use crate::arm::Arm;
 use crate::control::{Allocation, Limits, Target, law};
 use crate::dynamics::Workspace;
-use crate::dynamics::statics::static_lengths;
+use crate::dynamics::statics::static_lengths_until;
 use crate::effects::{self, poses};
 use crate::error::{Error, Result};
 use crate::input::{Input, Interpolation};
@@ -42,7 +42,7 @@ impl Stepper {
         }
         let p = vec![arm.ambient_pressure; arm.inputs];
         let none = Input::new(vec![0.0], (p.clone(), arm.inputs), (Vec::new(), 0), Interpolation::Hold)?;
-        let q = rest(&arm, &p, None)?;
+        let q = rest(&arm, &p, None, &mut || false)?;
         let mut x = q.clone();
         x.resize(2 * q.len(), 0.0);
         let none = Arc::new(none);
@@ -55,8 +55,15 @@ impl Stepper {
     /// Time 0, lengths `q` (at rest under `p` if none), rates `qd` (zero if none), pressures `p` in all chambers.
     ///
     /// # Errors
-    /// [`Error::Input`] for sizes or values that do not fit, [`Error::Convergence`] if there is no rest.
-    pub fn reset(&mut self, q: Option<&[f64]>, qd: Option<&[f64]>, p: &[f64]) -> Result<()> {
+    /// [`Error::Input`] for sizes or values that do not fit, [`Error::Convergence`] if there is no rest,
+    /// [`Error::Interrupted`] if `stop` said so.
+    pub fn reset(
+        &mut self,
+        q: Option<&[f64]>,
+        qd: Option<&[f64]>,
+        p: &[f64],
+        stop: &mut impl FnMut() -> bool,
+    ) -> Result<()> {
         let m = self.arm.coordinates();
         for (name, given, size) in [("q", q, m), ("qd", qd, m), ("p", Some(p), self.arm.inputs)] {
             if let Some(v) = given
@@ -67,7 +74,7 @@ impl Stepper {
         }
         let mut x = match q {
             Some(q) => q.to_vec(),
-            None => rest(&self.arm, p, None)?,
+            None => rest(&self.arm, p, None, stop)?,
         };
         let mut plant = Plant::new(self.arm.clone(), self.none.clone());
         plant.hold(p);
@@ -83,17 +90,18 @@ impl Stepper {
         Ok(())
     }
 
-    /// Holds the pressures `p` for `dt` s. Nothing is allocated.
+    /// Holds the pressures `p` for `dt` s. Nothing is allocated. `stop` is asked now and then.
     ///
     /// # Errors
-    /// [`Error::Simulation`] if the motion cannot be gone on with, [`Error::Input`] for a pressure that is not finite.
-    pub fn step(&mut self, p: &[f64], dt: f64) -> Result<()> {
+    /// [`Error::Simulation`] if the motion cannot be gone on with, [`Error::Input`] for a pressure that is not finite,
+    /// [`Error::Interrupted`] if `stop` said so: the plant then stands somewhere within the step.
+    pub fn step(&mut self, p: &[f64], dt: f64, stop: &mut impl FnMut() -> bool) -> Result<()> {
         if let Some(j) = p.iter().position(|x| !x.is_finite()) {
             return Err(Error::Input(format!("pressure {} is {}; finite numbers are needed", j + 1, p[j])));
         }
         self.plant.hold(p);
         let end = self.integrator.time() + dt;
-        self.integrator.run(&mut self.plant, &[end], &mut |_, _| {}, &mut || false)?;
+        self.integrator.run(&mut self.plant, &[end], &mut |_, _| {}, stop)?;
         self.plant.chamber_pressures.clear();
         let x = self.integrator.state();
         self.plant.chamber_pressures_into(self.integrator.time(), &x[..self.lengths.len()], &mut self.pressures);
@@ -135,22 +143,27 @@ impl Stepper {
 /// Pressures under which `arm` rests nearest to lengths `q` within limits, and the lengths at which it then rests.
 ///
 /// # Errors
-/// [`Error::Convergence`] if there is no rest.
-pub fn rest_near(arm: &Arm, q: &[f64], limits: &Limits) -> Result<(Vec<f64>, Vec<f64>)> {
+/// [`Error::Convergence`] if there is no rest, [`Error::Interrupted`] if `stop` said so.
+pub fn rest_near(
+    arm: &Arm,
+    q: &[f64],
+    limits: &Limits,
+    stop: &mut impl FnMut() -> bool,
+) -> Result<(Vec<f64>, Vec<f64>)> {
     limits.check(arm.inputs)?;
     let mut ws = Workspace::new(arm);
     let (mut tau, mut p) = (vec![0.0; q.len()], vec![0.0; arm.inputs]);
     law::static_force(arm, q, &vec![0.0; q.len()], &mut ws, &mut tau);
     Allocation::new(arm, &limits.low, &limits.high, &limits.preferred).solve(arm, q, &tau, &mut ws, &mut p);
-    let lengths = rest(arm, &p, Some(q))?;
+    let lengths = rest(arm, &p, Some(q), stop)?;
     Ok((p, lengths))
 }
 
 /// Lengths at rest under chamber pressures `p`.
-fn rest(arm: &Arm, p: &[f64], start: Option<&[f64]>) -> Result<Vec<f64>> {
+fn rest(arm: &Arm, p: &[f64], start: Option<&[f64]>, stop: &mut impl FnMut() -> bool) -> Result<Vec<f64>> {
     let mut acting = p.to_vec();
     effects::pressures::at_rest(arm, &mut acting);
-    static_lengths(arm, &acting, None, start)
+    static_lengths_until(arm, &acting, None, start, stop)
 }
 
 /// What the sensors add to the truth.
@@ -246,7 +259,7 @@ pub struct Exchange<'a> {
 
 /// Runs the loop over `count` periods of `period` s from the stepper's present state. Rows until a failure are kept.
 ///
-/// `control` answers an [`Exchange`]; `stop` is asked now and then. `decimation`: every how many periods a row is recorded.
+/// `control` answers an [`Exchange`]; `stop` is asked every period and now and then within. `decimation`: every how many periods a row is recorded.
 pub fn run(
     stepper: &mut Stepper,
     sensors: Sensors,
@@ -306,10 +319,10 @@ pub fn run(
             poses::heads(&arm, &ws.links, |head| rows.head_positions.extend(head.position.0));
             rows.count += 1;
         }
-        if let Err(error) = stepper.step(&command, period) {
+        if let Err(error) = stepper.step(&command, period, stop) {
             return (rows, Err(error));
         }
-        if index.is_multiple_of(256) && stop() {
+        if stop() {
             return (rows, Err(Error::Interrupted));
         }
     }

@@ -17,12 +17,21 @@ use crate::error::{Error, Result};
 use crate::input::{Input, Interpolation};
 use crate::integrate::{Integrator, Method, Options, System};
 use crate::kinematics::chain::{Link, Motion, pass};
+use crate::memory::reserved;
 use crate::plant::Plant;
 use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
 use crate::real::{Kernel, Real, all_finite};
+use crate::watch::watched_in;
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Most environments of a fleet.
+const MOST: usize = 1 << 20;
+/// Numbers that an environment keeps, by numbers in its row: state, stages, parked state, work space of the dynamics. Counted
+/// generously; only to refuse what cannot fit before it is begun.
+const NUMBERS: usize = 64;
 
 /// Environments of one arm.
 pub struct Fleet {
@@ -68,8 +77,9 @@ pub struct Start<'a> {
 trait Abreast: Send + Debug {
     /// Puts lane `lane` at a start, at rest there and then.
     fn reset(&mut self, lane: usize, start: Start<'_>);
-    /// Holds the pressures `p`, row by row, for `dt` s; sets `failed` for lanes that diverged and are back at their start.
-    fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool]);
+    /// Holds the pressures `p`, row by row, for `dt` s or until `stop` is set; sets `failed` for lanes that diverged and are
+    /// back at their start.
+    fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool], stop: &AtomicBool);
     /// Rows of (lengths, rates, chamber pressures, tip) into `out`.
     fn read(&mut self, out: &mut [f64]);
 }
@@ -89,8 +99,8 @@ impl Fleet {
         if !(step.is_finite() && step > 0.0) {
             return Err(Error::Input(format!("step: {step}; a positive number of seconds is needed")));
         }
-        if count == 0 {
-            return Err(Error::Input("count: 0; at least one environment is needed".to_owned()));
+        if !(1..=MOST).contains(&count) {
+            return Err(Error::Input(format!("count: {count}; 1 to {MOST} environments are allowed")));
         }
         let set = InstructionSet::best();
         let lanes = set.lanes();
@@ -106,6 +116,7 @@ impl Fleet {
                     .to_owned(),
             ));
         }
+        drop(reserved("count: the environments", &[count, NUMBERS, 2 * coordinates + inputs + 3])?);
         let none = Input::new(vec![0.0], (start.p.to_vec(), inputs), (Vec::new(), 0), Interpolation::Hold)?;
         let none = Arc::new(none);
         let blocks = dispatch(set, Build { count: count.div_ceil(lanes), arm, none: &none, start, stepping, step });
@@ -138,12 +149,23 @@ impl Fleet {
     }
 
     /// Holds the pressures `p` (a row an environment) for `dt` s, then writes the rows of all into `out` (see
-    /// [`Fleet::read`]). `failed` says which diverged: they are back where they began last.
-    pub fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool], out: &mut [f64]) {
+    /// [`Fleet::read`]). `failed` says which diverged: they are back where they began last. `watch` is called on this thread
+    /// about every 50 ms.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if `watch` returned true: the plants then stand somewhere within the step.
+    pub fn step(
+        &mut self,
+        p: &[f64],
+        dt: f64,
+        failed: &mut [bool],
+        out: &mut [f64],
+        watch: &mut impl FnMut() -> bool,
+    ) -> Result<()> {
         let (lanes, inputs, width) = (self.lanes, self.inputs, self.width);
         failed.fill(false);
-        let blocks = &mut self.blocks;
-        self.pool.install(|| {
+        let (blocks, stop) = (&mut self.blocks, AtomicBool::new(false));
+        let work = || {
             blocks
                 .par_iter_mut()
                 .zip(p.par_chunks(lanes * inputs))
@@ -151,10 +173,12 @@ impl Fleet {
                 .zip(out.par_chunks_mut(lanes * width))
                 .with_min_len(8)
                 .for_each(|(((block, p), failed), out)| {
-                    block.step(p, dt, failed);
+                    block.step(p, dt, failed, &stop);
                     block.read(out);
                 });
-        });
+        };
+        watched_in(&self.pool, &stop, work, watch);
+        if stop.into_inner() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
     /// Rows of (lengths, rates, chamber pressures, tip position) into `out`: m, m/s, Pa absolute, m.
@@ -258,6 +282,7 @@ struct Step<'a, T> {
     dt: f64,
     euler: Option<f64>,
     derivative: &'a mut [T],
+    stop: &'a AtomicBool,
 }
 
 impl<T: Real> Kernel for Step<'_, T> {
@@ -267,22 +292,32 @@ impl<T: Real> Kernel for Step<'_, T> {
         // Every step begins at time 0, so that its rounding does not depend on how long the others have been going.
         if let Some(step) = self.euler {
             self.integrator.set_time(self.dt);
-            symplectic_euler(self.guard, self.integrator.state_mut(), self.derivative, self.dt, step);
+            symplectic_euler(self.guard, self.integrator.state_mut(), self.derivative, (self.dt, step), self.stop);
             return;
         }
         self.integrator.set_time(0.0);
-        // Nothing is refused (see Guard), and a fixed step has no other way to fail.
-        let _ = self.integrator.run(self.guard, &[self.dt], &mut |_, _| {}, &mut || false);
+        // Nothing is refused (see Guard), and a fixed step has no other way to fail than to be stopped.
+        let stop = &mut || self.stop.load(Ordering::Relaxed);
+        let _ = self.integrator.run(self.guard, &[self.dt], &mut |_, _| {}, stop);
     }
 }
 
 /// Takes (q, q') in `x` over `dt` in equal steps of at most `step`, from time 0.
 #[inline(always)]
-fn symplectic_euler<T: Real>(guard: &mut Guard<T>, x: &mut [T], derivative: &mut [T], dt: f64, step: f64) {
+fn symplectic_euler<T: Real>(
+    guard: &mut Guard<T>,
+    x: &mut [T],
+    derivative: &mut [T],
+    (dt, step): (f64, f64),
+    stop: &AtomicBool,
+) {
     let m = x.len() / 2;
     let count = (dt / step - 1e-9).ceil().max(1.0);
     let h = dt / count;
     for k in 0..count as usize {
+        if stop.load(Ordering::Relaxed) {
+            return;
+        }
         let (t0, t1) = (k as f64 * h, (k + 1) as f64 * h);
         guard.begin_step(t0, t1, x);
         guard.derivative(t0, x, derivative);
@@ -327,14 +362,14 @@ impl<T: Real> Abreast for Block<T> {
         self.restart(|k| k == lane);
     }
 
-    fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool]) {
+    fn step(&mut self, p: &[f64], dt: f64, failed: &mut [bool], stop: &AtomicBool) {
         let (inputs, used) = (self.commands.len(), failed.len());
         for (j, command) in self.commands.iter_mut().enumerate() {
             *command = T::from_lanes(|k| p[k.min(used - 1) * inputs + j]);
         }
         self.guard.plant.hold(&self.commands);
         let (guard, integrator, derivative) = (&mut self.guard, &mut self.integrator, &mut self.derivative);
-        T::enter(Step { guard, integrator, dt, euler: self.euler, derivative });
+        T::enter(Step { guard, integrator, dt, euler: self.euler, derivative, stop });
         let x = self.integrator.state();
         self.guard.plant.chamber_pressures.clear();
         self.guard.plant.chamber_pressures_into(self.integrator.time(), &x[..x.len() / 2], &mut self.chambers);

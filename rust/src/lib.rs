@@ -41,6 +41,7 @@ pub mod input;
 pub mod integrate;
 pub mod kinematics;
 pub mod linear;
+pub mod memory;
 pub mod parameters;
 pub mod plant;
 pub mod pneumatics;

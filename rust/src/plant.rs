@@ -4,13 +4,16 @@ use crate::arm::Arm;
 use crate::drives::Drives;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
+use crate::effects::poses;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
 use crate::input::Input;
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
+use crate::kinematics::chain::Link;
 use crate::kinematics::coordinates::arc_from_lengths;
+use crate::kinematics::section::Pose;
 use crate::linear::Vec3;
 use crate::pneumatics::{Chambers, LONGEST_STEP};
 use crate::real::{Real, kernel};
@@ -117,7 +120,7 @@ impl<T: Real> Plant<T> {
         self.drives.has_forces()
     }
 
-    /// Whether sensors of lengths are modelled.
+    /// Whether sensors are modelled.
     pub fn has_sensors(&self) -> bool {
         self.sensors.is_some()
     }
@@ -147,6 +150,20 @@ impl<T: Real> Plant<T> {
         match &self.sensors {
             Some(sensors) => sensors.measure(&self.arm, t, x, out),
             None => out.copy_from_slice(&x[..out.len()]),
+        }
+    }
+
+    /// Whether what measures the heads is delayed.
+    pub fn delays_heads(&self) -> bool {
+        self.sensors.as_ref().is_some_and(Sensors::delays_heads)
+    }
+
+    /// Poses of the heads as they are measured at (`t`, `x`), within the last step, in order: the true ones where no sensor
+    /// is modelled. `links` is work space, one a section.
+    pub fn measured_heads(&self, t: f64, x: &[T], links: &mut [Link<T>], each: impl FnMut(usize, Pose<T>)) {
+        match &self.sensors {
+            Some(sensors) => sensors.measure_heads(&self.arm, t, x, links, each),
+            None => poses::seen(&self.arm, &x[..x.len() / 2], links, each),
         }
     }
 

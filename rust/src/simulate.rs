@@ -7,7 +7,6 @@ use crate::effects;
 use crate::error::{Error, Result};
 use crate::input::{Cursor, Input};
 use crate::integrate::{Integrator, Options, Statistics};
-use crate::kinematics::chain::{Motion, pass};
 use crate::linear::Vec3;
 use crate::plant::Plant;
 use std::sync::Arc;
@@ -33,8 +32,14 @@ pub struct Rows {
     pub pressures: Vec<f64>,
     /// Origins of the heads in the base frame, 3n a row, m.
     pub head_positions: Vec<f64>,
+    /// Orientations of the heads: unit quaternions (w, x, y, z) with w >= 0, 4n a row.
+    pub head_orientations: Vec<f64>,
     /// Lengths as their sensors have them, 3n a row, m; empty where no effect acts on sensors.
     pub measured_lengths: Vec<f64>,
+    /// Origins of the heads as they are measured, 3n a row, m; empty where no effect acts on measured heads.
+    pub measured_head_positions: Vec<f64>,
+    /// Orientations as they are measured, 4n a row; likewise.
+    pub measured_head_orientations: Vec<f64>,
     /// Number of rows.
     pub count: usize,
 }
@@ -74,10 +79,9 @@ impl Simulation {
             velocities: Vec::with_capacity(times.len() * n),
             pressures: Vec::with_capacity(times.len() * arm.inputs),
             head_positions: Vec::with_capacity(times.len() * n),
-            measured_lengths: Vec::with_capacity(if plant.has_sensors() { times.len() * n } else { 0 }),
-            count: 0,
+            head_orientations: Vec::with_capacity(times.len() * n / 3 * 4),
+            ..Rows::default()
         };
-        let seen = effects::poses::acts(&*arm);
         let mut last = vec![0.0; 2 * n];
         let mut result = Ok(());
         for time in times {
@@ -88,12 +92,10 @@ impl Simulation {
                     let place = input.weight(t, false, cursor);
                     rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
                 }
-                pass(&arm, &x[..n], &[], Motion::Pose, &mut ws.links);
-                if seen {
-                    effects::poses::heads(&arm, &ws.links, |head| rows.head_positions.extend(head.position.0));
-                } else {
-                    rows.head_positions.extend(ws.links.iter().flat_map(|l| l.position.0));
-                }
+                effects::poses::seen(&arm, &x[..n], &mut ws.links, |_, head| {
+                    rows.head_positions.extend(head.position.0);
+                    rows.head_orientations.extend(head.quaternion());
+                });
                 rows.count += 1;
                 last.copy_from_slice(x);
             };
@@ -105,6 +107,12 @@ impl Simulation {
                 let start = rows.measured_lengths.len();
                 rows.measured_lengths.resize(start + n, 0.0);
                 plant.measured_lengths_into(*time, &last, &mut rows.measured_lengths[start..]);
+            }
+            if plant.delays_heads() {
+                plant.measured_heads(*time, &last, &mut ws.links, |_, head| {
+                    rows.measured_head_positions.extend(head.position.0);
+                    rows.measured_head_orientations.extend(head.quaternion());
+                });
             }
         }
         if !commanded {

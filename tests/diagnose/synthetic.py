@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bha
-from bha.diagnose.records import ChannelFacts, Record
+from bha.diagnose.records import Record
 from bha.parameters import ArmParameters
+from bha.recordings import ChannelFacts, Observation, Output
 
 SAMPLE_TIME = 5e-3
 
@@ -37,8 +38,21 @@ def record_of(
     facts = tuple(ChannelFacts(f"q1{k + 1}", "m", noise, 0.0, 0.0) for k in range(outputs.shape[1]))
     inputs = tuple(ChannelFacts(f"p1{k + 1}", "Pa", pressure_noise, 0.0, 0.0) for k in range(pressures.shape[1]))
     good = np.ones(outputs.shape, dtype=np.bool_)
-    channels = tuple(fact.name for fact in facts)
-    return Record(name, time, pressures, None, np.arange(len(time)), outputs, good, channels, facts, inputs)
+    shown = observation(*(fact.name for fact in facts))
+    return Record(name, time, pressures, None, np.arange(len(time)), outputs, good, shown, facts, inputs)
+
+
+def observation(*names: str, sections: int = 1) -> Observation:
+    """Lengths (``q12``) and head positions (``z1``) of standard bellows as they are."""
+    outputs = [
+        Output(name, "length", "m", int(name[1]), int(name[2]), "bellows")
+        if name.startswith("q")
+        else Output(name, "position", "m", int(name[1]), 1 + "xyz".index(name[0]))
+        for name in names
+    ]
+    mapping = bha.robots.parameters("bha_nominal").to_mapping()
+    mapping["section"] = mapping["section"][:sections]
+    return Observation.of(ArmParameters.from_mapping(mapping), outputs)
 
 
 def pressures(time: NDArray[np.float64], kind: str, rng: np.random.Generator, inputs: int = 3) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from bha.diagnose.engine import Engine, Job
 from bha.diagnose.model import plain_model
 from bha.diagnose.records import Record, prepare
 from bha.diagnose.steps import resolved
+from bha.recordings import Recording
 
 from .synthetic import make_logs, one_section
 
@@ -19,7 +20,7 @@ ARM = one_section()
 def stiff_job() -> tuple[Job, Record]:
     """The arm with a quadratic damping that 5 ms cannot hold."""
     (log,) = make_logs(ARM, [], durations=(2.0,))
-    record = prepare(ARM, log)
+    record = prepare(Recording(ARM, log, warn=False))
     core = plain_model(ARM).core | {
         "effect": [{"kind": "quadratic_damping", "where": "all", "parameters": {"damping": 300.0}}]
     }

@@ -64,10 +64,10 @@ def test_a_lag_between_command_and_chamber_is_named_in_an_arm_that_creeps() -> N
         before = np.arange(401) * 0.025
         whole = np.concatenate([before, 10.0 + time[1:]])
         p = levels[np.minimum(np.searchsorted([10.0, 18.0, 26.0], whole, side="right"), 3)]
-        run = run_of(arm, whole, p, [hidden], bha.Options(method="ros2", step=5e-3))
+        run = run_of(arm, whole, p, [hidden], bha.Options(method="ros2", step=5e-3, interpolation="hold"))
         logs.append(cut(log_of_heads(arm, whole, p, run, number, 1e-4, prefix="pc"), 10.0))
     product = one_section({**OFF, "damping": 5.0})
-    found = bha.diagnose(product, logs[:2], logs[2:], kinds=KINDS, commanded=True)
+    found = bha.diagnose(product, logs[:2], logs[2:], kinds=KINDS, pressures="commanded")
     assert found.verdict == "named"
     assert [(e.kind, e.where) for e in found.effects] == [("pressure_lag", "all")]
     assert found.effects[0].parameters["fill"].value == pytest.approx(0.5, rel=0.1)

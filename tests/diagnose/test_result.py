@@ -56,6 +56,15 @@ def test_the_form_that_others_read_is_kept(tmp_path: Path) -> None:
     assert Diagnosis.read(tmp_path / "diagnosis.json") == found
 
 
+def test_a_diagnosis_in_a_line() -> None:
+    found = Diagnosis.model_validate(EXAMPLE)
+    gap, effect = found.gap, found.effects[0]
+    errors = f"{1e3 * gap.before:.3g} mm before, {1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm"
+    assert repr(found) == str(found) == f"Diagnosis(named: {effect.kind} at {effect.where}; {errors})"
+    none = found.model_copy(update={"verdict": "no_gap", "effects": [], "complete": False})
+    assert repr(none) == f"Diagnosis(no_gap; {errors}, interrupted)"
+
+
 @pytest.mark.parametrize(
     "change",
     [{"verdict": "perhaps"}, {"surprise": 1}, {"gap": {**EXAMPLE["gap"], "after": float("nan")}}],

@@ -10,6 +10,7 @@ import pytest
 import bha
 from bha.diagnose.records import prepare
 from bha.diagnose.shortcuts import PressureProbe, acting_pressures
+from bha.recordings import Recording
 
 from .synthetic import make_logs, one_section
 
@@ -26,7 +27,7 @@ CASES: list[tuple[str, dict[str, float]]] = [
 def test_changed_inputs_act_as_the_effect_does(kind: str, numbers: dict[str, Any]) -> None:
     arm = one_section()
     (log,) = make_logs(arm, [], durations=(3.0,), pressure_noise=0.0)
-    record = prepare(arm, log)
+    record = prepare(Recording(arm, log))
     (changed,) = acting_pressures(record, [PressureProbe(kind, (1,), numbers)], 101325.0)
     options = bha.Options(method="rk4", step=2.5e-3)
     drive = bha.Input(record.time, record.pressures)

@@ -9,11 +9,12 @@ import bha
 from bha import _core
 from bha.diagnose.baseline import windows
 from bha.diagnose.model import plain_model
-from bha.diagnose.records import ChannelFacts, Record, from_rest, prepare
+from bha.diagnose.records import Record, from_rest, prepare
 from bha.diagnose.start import first_state, pose, tells_state
 from bha.parameters import ArmParameters
+from bha.recordings import ChannelFacts, Recording
 
-from .synthetic import one_section
+from .synthetic import observation, one_section
 
 TIME = np.arange(321) * 0.01
 
@@ -31,12 +32,11 @@ def test_heads_alone_tell_lengths_and_rates_anywhere_in_a_log() -> None:
     p = 101325.0 + 2e4 + 1.5e4 * np.sin(2.0 * np.pi * 0.2 * TIME[:, None] + phases)
     run = bha.simulate(arm, bha.Input(TIME, p), options=bha.Options(method="rk4", step=2.5e-3))
     columns = {"t [s]": TIME} | {f"{name} [Pa]": p[:, k] for k, name in enumerate(arm.inputs)} | heads_of(run)
-    record = prepare(arm, bha.Log.from_arrays(columns))
+    record = prepare(Recording(arm, bha.Log.from_arrays(columns)))
     model = plain_model(arm)
     core = _core.Arm(model.arm(np.zeros(model.size)))
-    names = tuple(name.removesuffix(" [m]") for name in heads_of(run))
     for row in (0, 74, 180, 320):
-        found = pose(core, names, run.head_positions[row].ravel(), 3)
+        found = pose(core, record.observation, run.head_positions[row].ravel(), 3)
         assert found == pytest.approx(run.lengths[row], abs=1e-8)
     pieces = windows([record], 3)
     assert pieces is not None
@@ -52,13 +52,13 @@ def test_heads_alone_tell_lengths_and_rates_anywhere_in_a_log() -> None:
 def test_heads_out_of_reach_have_no_pose() -> None:
     model = plain_model(one_section())
     core = _core.Arm(model.arm(np.zeros(model.size)))
-    assert pose(core, ("x1", "y1", "z1"), np.array([0.0, 0.0, -0.5]), 1) is None
+    assert pose(core, observation("x1", "y1", "z1"), np.array([0.0, 0.0, -0.5]), 1) is None
 
 
 def test_channels_tell_the_state_only_if_every_section_was_measured() -> None:
-    assert tells_state(("x1", "y1", "z1", "q21", "q22", "q23"), 2)
-    assert not tells_state(("x1", "y1", "z1", "q21", "q22"), 2)
-    assert not tells_state(("x2", "y2", "z2"), 2)
+    assert tells_state(observation("q21", "q22", "q23", "x1", "y1", "z1", sections=2), 2)
+    assert not tells_state(observation("q21", "q22", "x1", "y1", "z1", sections=2), 2)
+    assert not tells_state(observation("x2", "y2", "z2", sections=2), 2)
 
 
 def commanded(outputs: np.ndarray, command: np.ndarray) -> Record:
@@ -67,7 +67,7 @@ def commanded(outputs: np.ndarray, command: np.ndarray) -> Record:
     good = np.ones((len(time), 1), dtype=np.bool_)
     facts = (ChannelFacts("x1", "m", 1e-5, 0.0, 0.0),)
     rows = np.arange(len(time))
-    return Record("made up", time, command[:, None], None, rows, outputs[:, None], good, ("x1",), facts, ())
+    return Record("made up", time, command[:, None], None, rows, outputs[:, None], good, observation("x1"), facts, ())
 
 
 def test_a_log_of_commands_counts_from_where_the_arm_rests() -> None:

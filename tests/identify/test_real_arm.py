@@ -16,6 +16,7 @@ LOGS = ROOT.parent / "shared" / "data" / "asu"
 
 
 @pytest.mark.skipif(not LOGS.is_dir(), reason="needs the logs of the real arm")
+@pytest.mark.filterwarnings("ignore:.*wire1l:bha.LogWarning")
 @pytest.mark.parametrize("log", ["jan10_both_2", "jan10_right_3"])
 def test_january_is_predicted_within_12_mm(log: str) -> None:
     arm = bha.robots.load("asu_two_section_january")

@@ -57,6 +57,13 @@ def test_held_out_error_is_the_noise(result: Identification) -> None:
     assert np.all(held.before.rms > 3 * held.after.rms)
 
 
+def test_a_result_is_a_line(result: Identification) -> None:
+    text = repr(result)
+    assert text.startswith(f"Identification({result.start.name!r}: ")
+    assert f"{len(FREE)} of {len(FREE)} parameters told by 1 log, converged" in text
+    assert "\n" not in text
+
+
 def test_residuals_are_judged(result: Identification) -> None:
     assert len(result.residuals) == 3
     for r in result.residuals:
@@ -72,7 +79,7 @@ def test_a_gap_is_not_swallowed(files: Path) -> None:
     free = [FreeParameter("section.1.mass", lower=0.6, upper=0.9)]
     found = identify(arm, [log], free, settings=Settings(windows=(1.0,), draws=0))
     assert any("stands in for something the model lacks" in w or "lacks physics" in w for w in found.warnings)
-    assert any("more than the sensors' noise" in w for w in found.warnings)
+    assert any("more than the sensors' noise" in w and "`bha diagnose` names" in w for w in found.warnings)
 
 
 def test_command(files: Path) -> None:

@@ -55,7 +55,8 @@ def test_goes_on_after_kill(tmp_path: Path) -> None:
     process.communicate()
     before = {path.name: (path.stat().st_ino, path.stat().st_mtime_ns) for path in partitions(out)}
     assert 2 <= len(before) < 6
-    (out / ".0123abcd.part-000005.parquet").write_bytes(b"PAR1 and no more")
+    (out / ".bha-tmp.part-000005.parquet").write_bytes(b"PAR1 and no more")
+    (out / ".0123abcd.part-000004.parquet").write_bytes(b"of an earlier version")
     counts: list[tuple[int, int]] = []
     summary = bha.sweep.run(mapping, out, threads=1, progress=lambda done, runs: counts.append((done, runs)))
     assert summary.complete
@@ -155,9 +156,7 @@ def test_foreign_and_broken_files_are_refused(tmp_path: Path) -> None:
     second.write_bytes((out / "part-000000.parquet").read_bytes())
     with pytest.raises(bha.InputError, match="is no partition of this sweep"):
         bha.sweep.run(mapping, out)
-    second.write_bytes(second.read_bytes()[:-20])
-    with pytest.raises(bha.InputError, match=r"part-000001.parquet: cannot be read; remove it"):
-        bha.sweep.run(mapping, out)
+    second.unlink()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/thesis.tex").touch()
     with pytest.raises(bha.InputError, match=r"holds thesis.tex and no sweep"):

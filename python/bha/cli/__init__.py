@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import importlib
+from typing import Any
 
 import click
 
 from bha import __version__
+from bha.cli.terminal import errors_as_lines
 
 #: Subcommand -> (module, attribute, line of help). A new command is a file and a line here.
 COMMANDS: dict[str, tuple[str, str, str]] = {
+    "robots": ("bha.cli.robots", "robots", "The arms that ship with the package."),
     "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
     "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),
     "experiment": ("bha.experiments.cli", "experiment", "The paper's experiments on a virtual arm."),
@@ -23,6 +26,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
 
 class Commands(click.Group):
     """A group whose subcommands are imported when called, so that ``bha --help`` answers at once."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a subcommand; its import and its arguments are covered by what says errors in lines."""
+        with errors_as_lines():
+            return super().invoke(ctx)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the subcommands, in the order in which one uses them."""

@@ -15,11 +15,13 @@ from bha.cli.common import (
     print_json,
     progress_bar,
     reports_errors,
+    say,
     table,
 )
+from bha.cli.logs import missing_option, pressures_option, read_logs
 from bha.diagnose import diagnose as run
 from bha.diagnose.result import Diagnosis
-from bha.log import Log
+from bha.recordings import PressureSort
 
 
 @click.command()
@@ -30,7 +32,8 @@ from bha.log import Log
                    "The last third of the logs if left out.")  # fmt: skip
 @click.option("--out", metavar="DIR", required=True, type=click.Path(path_type=Path, file_okay=False),
               help="Folder for diagnosis.json, arm_diagnosed.toml and report.html.")  # fmt: skip
-@click.option("--commanded", is_flag=True, help="Take the commanded pressures (pc..) as those that act.")
+@pressures_option
+@missing_option
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of all that is drawn at random.")
 @click.option("--threads", type=click.IntRange(min=1), help="Number of threads; all cores if left out.")
@@ -41,7 +44,8 @@ def diagnose(
     logs: tuple[Path, ...],
     holdout: tuple[Path, ...],
     out: Path,
-    commanded: bool,
+    pressures: PressureSort | None,
+    missing: bool,
     no_report: bool,
     seed: int,
     threads: int | None,
@@ -51,21 +55,18 @@ def diagnose(
 
     After Ctrl-C what was found so far is written; the exit code is then 130.
     """
-    ambient = arm.parameters.ambient_pressure
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading", total=None)
-        read = [Log.read(path, ambient_pressure=ambient) for path in logs]
-        held = [Log.read(path, ambient_pressure=ambient) for path in holdout]
+        read = read_logs(arm, [*logs, *holdout], pressures, missing)
 
         def tell(stage: str, share: float | None) -> None:
             bar.update(task, description=stage, total=None if share is None else 1.0, completed=share or 0.0)
 
         found = run(
             arm,
-            read,
-            held,
+            read[: len(logs)],
+            read[len(logs) :],
             out=out,
-            commanded=commanded,
             report=not no_report,
             seed=seed,
             threads=threads,
@@ -80,34 +81,29 @@ def diagnose(
 
 
 def _print(found: Diagnosis, out: Path) -> None:
-    text = console()
     verdict = {
         "named": "A missing effect is named",
         "no_gap": "No significant gap",
         "unknown": "A gap that no known effect explains",
     }
-    text.print(f"[bold]{verdict[found.verdict]}[/bold]: {found.reason}", highlight=False)
+    say(f": {found.reason}", head=verdict[found.verdict])
     if not found.complete:
-        text.print("Interrupted: the search is not complete.", highlight=False)
+        say("Interrupted: the search is not complete; the same command goes on.")
     gap = found.gap
-    text.print(
+    say(
         f"open-loop error on {', '.join(gap.holdout)}: {1e3 * gap.before:.3g} mm before, "
-        f"{1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm",
-        highlight=False,
-        markup=False,
+        f"{1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm"
     )
     for effect in found.effects:
         numbers = table("Number", "Value", "95 % interval", "Unit", title=f"{effect.kind} at {effect.where}")
         for name, number in effect.parameters.items():
             interval = "" if number.ci95 is None else f"{number.ci95[0]:.4g} to {number.ci95[1]:.4g}"
             numbers.add_row(name, f"{number.value:.4g}", interval, number.unit)
-        text.print(numbers)
-        text.print(
-            f"confidence {effect.confidence:.2f}" + (", empirical term" if effect.empirical else ""), highlight=False
-        )
+        console().print(numbers)
+        say(f"confidence {effect.confidence:.2f}" + (", empirical term" if effect.empirical else ""))
         if effect.confusable_with:
-            text.print("these data cannot tell it from: " + ", ".join(effect.confusable_with[:6]), highlight=False)
+            say("these data cannot tell it from: " + ", ".join(effect.confusable_with[:6]))
     if found.candidates and found.verdict != "named":
         best = ", ".join(f"{c.kind} at {c.where}" for c in found.candidates[:3])
-        text.print(f"nearest candidates: {best}", highlight=False)
-    text.print(f"Written to {out}", highlight=False, markup=False)
+        say(f"nearest candidates: {best}")
+    say(f"Written to {out}")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, reports_errors, table
+from bha.cli.common import arm_argument, console, json_option, print_json, reports_errors, say, table
 from bha.errors import ConvergenceError
 from bha.parameters import ArmParameters, StatedValue
 
@@ -24,20 +24,19 @@ def info(arm: Arm, as_json: bool) -> None:
     if as_json:
         print_json(facts)
         return
-    out = console()
     counts = f"{arm.section_count} sections, {len(arm.inputs)} pressure inputs"
-    out.print(f"[bold]{arm.name}[/bold]: {counts}", highlight=False)
-    out.print(
+    say(f": {counts}", head=arm.name)
+    say(
         f"mass {facts['mass']:.3g} kg, force model {facts['force_model']}, "
-        f"rotational energy {_word(facts['rotational_energy'])}, Coriolis forces {_word(facts['coriolis_forces'])}",
-        highlight=False,
+        f"rotational energy {_word(facts['rotational_energy'])}, Coriolis forces {_word(facts['coriolis_forces'])}"
     )
-    values = table("Section", "Key", "Value", "Where it comes from")
+    values = table("Section", "Key", "Value", "Unit", "Where it comes from", running=("Section", "Value"))
     for row in facts["values"]:
-        values.add_row(row["place"], row["key"], row["text"], row["status"])
+        values.add_row(row["place"], row["key"], row["text"], row["unit"], row["status"])
+    out = console()
     out.print(values)
     if facts["rest_lengths"] is not None:
-        rest = table("Section", "Lengths at ambient pressure [mm]", "Head [mm]")
+        rest = table("Section", "Lengths at ambient pressure [mm]", "Head [mm]", running=["Section"])
         for i, (lengths, head) in enumerate(zip(facts["rest_lengths"], facts["rest_heads"], strict=True)):
             rest.add_row(str(i + 1), _millimetres(lengths), _millimetres(head))
         out.print(rest)
@@ -65,6 +64,7 @@ def _facts(arm: Arm) -> dict[str, Any]:
                 "place": _place(value, parameters),
                 "key": value.key,
                 "value": value.value,
+                "unit": value.unit,
                 "text": _text(value.value),
                 "status": value.provenance.status,
             }
@@ -79,6 +79,8 @@ def _place(value: StatedValue, parameters: ArmParameters) -> str:
     if value.effect is not None:
         effect = parameters.effects[value.effect - 1]
         return f"effect {value.effect}: {effect.kind}, {effect.where}"
+    if value.sensor is not None:
+        return value.sensor
     if value.section is None:
         return "arm"
     return str(value.section) if value.bellows is None else f"{value.section}, bellows {value.bellows}"

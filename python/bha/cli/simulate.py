@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
+from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
+from bha.cli.logs import missing_option, pressures_option
+from bha.files import check_target
 from bha.log import Log
-from bha.simulation import CHUNK_ROWS, Input, Interpolation, Method, Options, Simulation, concatenate, output_times
+from bha.recordings import PressureSort, Recording
+from bha.simulation import CHUNK_ROWS, Interpolation, Method, Options, Simulation, concatenate, output_times
 from bha.trajectory import Trajectory, TrajectoryWriter
 
 #: Rows that a figure gets at the most; more cannot be told apart.
@@ -27,7 +30,8 @@ FIGURE_ROWS = 4000
 @click.option("--out", metavar="TRAJ", type=click.Path(path_type=Path, dir_okay=False),
               help="Trajectory file: .parquet, .csv, .csv.gz or .npz.")  # fmt: skip
 @click.option("--plot", is_flag=True, help="Write figures beside the trajectory (or the log's name).")
-@click.option("--commanded", is_flag=True, help="Drive with the commanded pressures (pc..), not the measured ones.")
+@pressures_option
+@missing_option
 @click.option("--dt", type=float, help="Distance of the output rows [s]; the log's own times if left out.")
 @click.option("--method", type=click.Choice(["dopri5", "rk4", "ros2"]), default="dopri5", show_default=True)
 @click.option("--step", type=float, default=1e-3, show_default=True, help="Step of rk4 [s].")
@@ -43,7 +47,8 @@ def simulate(
     input_path: Path,
     out: Path | None,
     plot: bool,
-    commanded: bool,
+    pressures: PressureSort | None,
+    missing: bool,
     dt: float | None,
     method: Method,
     step: float,
@@ -55,18 +60,26 @@ def simulate(
 ) -> None:
     """Simulate ARM (a parameter file or the name of a shipped arm) from the pressures of a log.
 
-    The arm starts at rest under the first pressures. Where the log has head positions, the error per head and axis is
-    printed. A run that diverges ends with an error; the rows until then are in the file.
+    The arm starts at rest under the first pressures. What the log measures of the arm (lengths, heads) is compared with
+    what the sensors would have had: the error of each output is printed. A run that diverges ends with an error; the
+    rows until then are in the file.
     """
+    check_target(out)  # before the work, lest it be lost
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading", total=1.0)
-        log = Log.read(input_path, progress=lambda fraction: bar.update(task, completed=fraction))
-        drive = Input.from_log(arm, log, commanded=commanded)
+        log = Log.read(
+            input_path,
+            ambient_pressure=arm.parameters.ambient_pressure,
+            missing=missing,
+            progress=lambda fraction: bar.update(task, completed=fraction),
+        )
+        recording = Recording(arm, log, pressures=pressures)
+        drive = recording.drive
         times = output_times(drive, dt)
         run = Simulation(
             arm, drive, Options(method, step, rtol, atol, max_steps=max_steps, interpolation=interpolation)
         )
-        errors = HeadErrors(log) if log.head_positions is not None else None
+        errors = OutputErrors(recording) if recording.outputs else None
         stride = -(-len(times) // FIGURE_ROWS)
         kept: list[Trajectory] = []
         counts: dict[str, int] = {}
@@ -85,45 +98,43 @@ def simulate(
                 bar.update(task, completed=float(rows))
     written = [] if out is None else [out]
     if plot:
-        written += _figures(arm, concatenate(kept), errors, out or input_path)
+        written += _figures(arm, concatenate(kept), recording, out or input_path)
     _report(arm, times, counts, errors, written, as_json)
 
 
-class HeadErrors:
-    """Simulated minus measured head positions, summed up piece by piece."""
+class OutputErrors:
+    """Simulated minus measured outputs, summed up piece by piece."""
 
-    def __init__(self, log: Log) -> None:
-        """Compare with the head positions of ``log``, linear between its samples."""
-        assert log.head_positions is not None
-        self._time, self._measured = log.time, log.head_positions
-        heads = self._measured.shape[1]
-        self._squares, self._counts = np.zeros((heads, 3)), np.zeros((heads, 3))
-        self.greatest = np.full((heads, 3), np.nan)
-
-    def of(self, piece: Trajectory) -> NDArray[np.float64]:
-        """Errors (m, heads, 3), m; positions where the log measured none are NaN."""
-        heads = self._measured.shape[1]
-        measured = np.empty((len(piece), heads, 3))
-        for head in range(heads):
-            for axis in range(3):
-                measured[:, head, axis] = np.interp(piece.time, self._time, self._measured[:, head, axis])
-        return np.asarray(piece.head_positions[:, :heads] - measured)
+    def __init__(self, recording: Recording) -> None:
+        """Compare with what ``recording`` has measured, linear between its readings."""
+        self.recording = recording
+        count = len(recording.outputs)
+        self._squares, self._counts = np.zeros(count), np.zeros(count)
+        self.greatest = np.full(count, np.nan)
 
     def add(self, piece: Trajectory) -> None:
         """Take a piece into account."""
-        errors = self.of(piece)
+        errors = self.recording.errors(piece)
         self._counts += np.isfinite(errors).sum(axis=0)
         self._squares += np.nansum(errors**2, axis=0)
         self.greatest = np.fmax(self.greatest, np.fmax.reduce(np.abs(errors), axis=0, initial=np.nan))
 
     @property
     def root_mean_square(self) -> NDArray[np.float64]:
-        """RMS error (heads, 3), m; NaN where nothing was measured."""
+        """RMS error of each output, in its unit, shape (C,); NaN where nothing was measured."""
         counts = np.where(self._counts > 0, self._counts, np.nan)
         return np.asarray(np.sqrt(self._squares / counts))
 
+    def by_head(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values of the outputs that are positions, by head and axis of the camera, shape (n, 3); NaN elsewhere."""
+        table = np.full((self.recording.arm.section_count, 3), np.nan)
+        for output, value in zip(self.recording.outputs, values, strict=True):
+            if output.kind == "position":
+                table[output.section - 1, output.number - 1] = value
+        return table
 
-def _figures(arm: Arm, shown: Trajectory, errors: HeadErrors | None, beside: Path) -> list[Path]:
+
+def _figures(arm: Arm, shown: Trajectory, recording: Recording, beside: Path) -> list[Path]:
     from bha.plot import plot_errors, plot_shape, plot_trajectories, write_figure  # noqa: PLC0415  (an optional extra)
 
     stem = beside.with_name(beside.name.split(".")[0])
@@ -131,15 +142,23 @@ def _figures(arm: Arm, shown: Trajectory, errors: HeadErrors | None, beside: Pat
     poses = shown[:: max(1, -(-len(shown) // 12))]
     backbones = np.stack([arm.shape(q) for q in poses.lengths])
     hanging = arm.parameters.gravity[2] >= 0
+    measured = recording.as_trajectory()
+    lines = {"measured": measured[:: max(1, -(-len(measured) // FIGURE_ROWS))]} if recording.outputs else {}
     written = [
-        write_figure(plot_trajectories({"full": shown}, title=title), Path(f"{stem}_trajectory.png")),
+        write_figure(plot_trajectories({**lines, "full": shown}, title=title), Path(f"{stem}_trajectory.png")),
         write_figure(
             plot_shape(poses.time, backbones, poses.head_positions, hanging=hanging, title=title),
             Path(f"{stem}_shape.png"),
         ),
     ]
-    if errors is not None:
-        figure = plot_errors(shown.time, {"simulated minus measured": errors.of(shown)}, title=arm.name)
+    places = [k for k, output in enumerate(recording.outputs) if output.kind == "position"]
+    if places:
+        table = np.full((len(shown), arm.section_count, 3), np.nan)
+        errors = recording.errors(shown)
+        for k in places:
+            table[:, recording.outputs[k].section - 1, recording.outputs[k].number - 1] = errors[:, k]
+        heads = sorted({recording.outputs[k].section - 1 for k in places})
+        figure = plot_errors(shown.time, {"simulated minus measured": table[:, heads]}, title=arm.name)
         written.append(write_figure(figure, Path(f"{stem}_errors.png")))
     return written
 
@@ -148,28 +167,41 @@ def _report(
     arm: Arm,
     times: NDArray[np.float64],
     counts: dict[str, int],
-    errors: HeadErrors | None,
+    errors: OutputErrors | None,
     written: list[Path],
     as_json: bool,
 ) -> None:
     if as_json:
         result: dict[str, Any] = {"arm": arm.name, "rows": len(times), "end": times[-1], **counts, "written": written}
         if errors is not None:
-            result["head_error_rms"] = errors.root_mean_square
-            result["head_error_max"] = errors.greatest
+            rms = errors.root_mean_square
+            result["recording"] = errors.recording.to_mapping()
+            result["head_error_rms"] = errors.by_head(rms)
+            result["head_error_max"] = errors.by_head(errors.greatest)
+            result["output_error_rms"] = dict(zip(errors.recording.channels, rms.tolist(), strict=True))
+            result["output_error_max"] = dict(zip(errors.recording.channels, errors.greatest.tolist(), strict=True))
         print_json(result)
         return
-    out = console()
-    out.print(
+    say(
         f"{arm.name}: {times[-1] - times[0]:.6g} s in {counts['steps']} steps ({counts['rejected_steps']} rejected), "
-        f"{len(times)} rows",
-        highlight=False,
+        f"{len(times)} rows"
     )
     if errors is not None:
-        errors_table = table("Head", "x", "y", "z", "distance", title="Error, simulated minus measured, RMS [mm]")
-        for head, row in enumerate(errors.root_mean_square):
-            cells = [f"{1e3 * value:.2f}" for value in (*row, np.linalg.norm(row))]
-            errors_table.add_row(str(head + 1), *cells)
-        out.print(errors_table)
+        _print_errors(errors)
     if written:
-        out.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)
+        say("Written: " + ", ".join(str(path) for path in written))
+
+
+def _print_errors(errors: OutputErrors) -> None:
+    """A table of the outputs: lengths and axes of heads in mm, orientations in degrees."""
+    rms = errors.root_mean_square
+    shown = table("Output", "RMS", "Greatest", "Unit", "Where", title="Error, simulated minus measured")
+    for output, value, greatest in zip(errors.recording.outputs, rms, errors.greatest, strict=True):
+        # A component of a quaternion is half an angle.
+        factor, unit = (np.degrees(2.0), "deg") if output.kind == "orientation" else (1e3, "mm")
+        where = output.place or f"head {output.section}"
+        shown.add_row(output.name, f"{factor * value:.2f}", f"{factor * greatest:.2f}", unit, where)
+    console().print(shown)
+    for head, row in enumerate(errors.by_head(rms), start=1):
+        if np.all(np.isfinite(row)):
+            say(f"head {head}: distance {1e3 * np.linalg.norm(row):.2f} mm RMS")

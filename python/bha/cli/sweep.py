@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from bha.cli.common import INTERRUPTED, console, json_option, print_json, progress_bar, reports_errors, table
-from bha.errors import InputError
+from bha.cli.common import INTERRUPTED, console, json_option, print_json, progress_bar, reports_errors, say, table
+from bha.errors import FileError, InputError
 from bha.sweep import Summary, run, summarize
 
 
@@ -50,7 +50,7 @@ def sweep(spec: Path, out: Path | None, threads: int | None, dask: str | None, a
 def _interrupted(folder: Path) -> None:
     try:
         found = summarize(folder)
-    except InputError:
+    except (InputError, FileError):
         text = "nothing is written yet"
     else:
         text = f"{found.finished} of {found.partitions} partitions are in {folder}; the same command goes on from there"
@@ -59,13 +59,11 @@ def _interrupted(folder: Path) -> None:
 
 
 def _print(found: Summary) -> None:
-    out = console()
     shown = table("Metric", "Mean", "Deviation", "Least", "Greatest", "Unit", "Runs")
-    shown.columns[0].no_wrap = True
     for name, (unit, moments) in found.metrics.items():
         numbers = (moments.mean, moments.standard_deviation, moments.low, moments.high)
         shown.add_row(name, *(f"{number:.4g}" for number in numbers), unit, str(moments.count))
-    out.print(shown)
+    console().print(shown)
     counts = ", ".join(f"{count} {status}" for status, count in found.statuses.items() if count)
-    out.print(f"{found.done} of {found.runs} runs: {counts}", highlight=False)
-    out.print(f"{found.finished} partitions in {found.folder}", highlight=False, markup=False)
+    say(f"{found.done} of {found.runs} runs: {counts}")
+    say(f"{found.finished} partitions in {found.folder}")

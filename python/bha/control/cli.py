@@ -11,9 +11,18 @@ import click
 import numpy as np
 from rich.table import Table
 
-from bha import robots
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors
+from bha.cli.common import (
+    arm_argument,
+    console,
+    json_option,
+    load_arm,
+    print_json,
+    progress_bar,
+    reports_errors,
+    say,
+)
+from bha.cli.common import table as new_table
 from bha.control.controllers import (
     Controller,
     FeedbackLinearization,
@@ -26,6 +35,7 @@ from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
 from bha.control.references import Reference, point_to_point, tip_circle, tip_samples
 from bha.errors import InputError, SimulationError
+from bha.files import check_target
 from bha.parameters import PneumaticsLevel
 
 CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
@@ -82,7 +92,9 @@ def control(
     ARM and PLANT are parameter files or names of shipped arms. A controller under which the plant diverges is reported,
     and the exit code is then 1.
     """
-    plant = arm if plant_path is None else _arm(plant_path)
+    check_target(out)  # before the work, lest it be lost
+    check_target(plot)
+    plant = arm if plant_path is None else load_arm(plant_path)
     if pneumatics is not None:
         arm, plant = (a.with_changes(pneumatics=pneumatics) for a in (arm, plant))
     sensors = Sensors(length_noise, pressure_noise, seed)
@@ -113,10 +125,6 @@ def control(
         _report(target, runs, failures, written)
     if failures:
         sys.exit(1)
-
-
-def _arm(path: str) -> Arm:
-    return robots.load(path) if not Path(path).exists() and path in robots.names() else Arm.load(path)
 
 
 def _beside(path: Path, name: str) -> Path:
@@ -165,11 +173,8 @@ def reference_of(arm: Arm, kind: str, radius: float, speed: float, period: float
 
 def table(runs: dict[str, ClosedLoopRun], title: str) -> Table:
     """How well each run followed, a row each; at the end: the mean over the last 0.1 s at 1 kHz."""
-    out = Table(title=f"{title}, mm", min_width=len(title) + 6)
-    out.add_column("Controller")
-    for heading in ("RMS", "Greatest", "At the end"):
-        out.add_column(heading, justify="right")
-    out.add_column("At a limit")
+    headings = ("Controller", "RMS", "Greatest", "At the end", "At a limit")
+    out = new_table(*headings, title=f"{title}, mm", running=headings[-1:])
     for name, run in runs.items():
         error = 1e3 * run.tip_error
         cells = (1e3 * run.rms_tip_error(), error.max(), error[-100:].mean())
@@ -205,9 +210,10 @@ def _report(
     reference: Reference, runs: dict[str, ClosedLoopRun], failures: dict[str, str], written: list[Path]
 ) -> None:
     """Print the table for people."""
-    out = console()
-    out.print(table(runs, f"Distance of the tip from its reference over {len(reference) * reference.period:.3g} s"))
+    console().print(
+        table(runs, f"Distance of the tip from its reference over {len(reference) * reference.period:.3g} s")
+    )
     for name, reason in failures.items():
-        out.print(f"{name}: the plant diverged: {reason}", highlight=False, soft_wrap=True)
+        say(f"{name}: the plant diverged: {reason}")
     if written:
-        out.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)
+        say("Written: " + ", ".join(str(path) for path in written))

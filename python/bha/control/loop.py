@@ -153,6 +153,7 @@ def simulate_closed_loop(
             head_positions=heads.reshape(rows, -1, 3),
             input_names=plant.inputs,
             arm_name=plant.name,
+            virtual_lengths=not plant.parameters.has_standard_bellows,
         ),
         commands=commands,
         estimated_velocities=estimated,

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arrays import floats
 from bha.control.limits import Limits
 from bha.errors import InputError
 from bha.extras import import_extra
@@ -209,7 +210,7 @@ def tip_path(
     bounds = limits or Limits.of(arm)
     bound = (max_velocity, max_acceleration, max_jerk)
     along, _, _ = _jerk_limited(float(length), bound, rest, period)
-    positions = np.asarray(path(along), dtype=np.float64)
+    positions = floats(path(along), "path(along)", (len(along), 3))
     first = (bounds.shortest + bounds.longest) / 2 if start is None else _vector(start, "start")
     aim = None if directions is None else np.tile(_vector(directions, "directions"), (len(positions), 1))
     lengths = _core.resolved_motion(arm, positions, aim, first, bounds.shortest, bounds.longest)
@@ -305,7 +306,7 @@ def _jerk_limited(
 
 def _samples(time: ArrayLike, values: ArrayLike, name: str) -> tuple[Floats, Floats]:
     """Times (k,) from 0 on and values (k, any), checked."""
-    when, rows = _vector(time, "time"), np.asarray(values, dtype=np.float64)
+    when, rows = _vector(time, "time"), floats(values, name, finite=False)
     if rows.ndim != 2 or len(rows) != len(when) or len(when) == 0:
         raise InputError(f"{name}: expected shape ({len(when)}, any), a row a time, found {rows.shape}")
     if np.any(np.diff(when) <= 0):
@@ -334,7 +335,4 @@ def _spread(time: Floats, rows: Floats, period: float, smoothing: float) -> Floa
 
 
 def _vector(values: ArrayLike, name: str) -> Floats:
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim != 1 or not np.all(np.isfinite(array)):
-        raise InputError(f"{name}: a vector of finite numbers is needed, found shape {array.shape}")
-    return array
+    return floats(values, name, (None,))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arrays import floats
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -18,7 +19,7 @@ def stable_step(arm: Arm, p: ArrayLike | None = None) -> float:
 
     RK4 is stable where step times the fastest eigenvalue of the linearized arm is below about 2.8; this is 2.
     """
-    p = np.full(len(arm.inputs), arm.parameters.ambient_pressure) if p is None else np.asarray(p, dtype=np.float64)
+    p = np.full(len(arm.inputs), arm.parameters.ambient_pressure) if p is None else floats(p, "p", (len(arm.inputs),))
     q = arm.static_lengths(p)
     a, _ = arm.linearize(q, np.zeros_like(q), p)
     return float(2.0 / np.abs(np.linalg.eigvals(a)).max())

@@ -7,25 +7,28 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 from bha.errors import InputError
 from bha.extras import import_extra
+from bha.files import make_folder
+from bha.recordings import recordings
 
 if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.diagnose.result import Diagnosis
     from bha.log import Log
+    from bha.recordings import PressureSort, Recording
 
 
 def diagnose(
     arm: Arm,
-    logs: Sequence[Log],
-    holdout: Sequence[Log] = (),
+    logs: Sequence[Log | Recording],
+    holdout: Sequence[Log | Recording] = (),
     *,
     out: str | os.PathLike[str] | None = None,
-    commanded: bool = False,
+    pressures: PressureSort | None = None,
     kinds: Sequence[str] | None = None,
     report: bool = True,
     seed: int = 0,
@@ -40,10 +43,12 @@ def diagnose(
 
     Args:
         arm: the arm as its parameter file says; its identifiable values may be off by some 15 %.
-        logs: training logs with pressures and bellows lengths or head positions, all with the same outputs.
+        logs: training logs, or recordings of them, with pressures and lengths or head positions, all with the same
+            outputs.
         holdout: logs that take no part in any fit; if empty, the last third of ``logs`` (of the only log's time).
         out: folder for ``diagnosis.json``, ``arm_diagnosed.toml`` and ``report.html``; nothing is written if None.
-        commanded: take the commanded pressures (``pc..``) as what acts.
+        pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
+            where the first log has them.
         kinds: kinds of effects that are candidates; all of the registry if None.
         report: write ``report.html`` too (extra ``report``).
         seed: of all that is drawn at random.
@@ -55,39 +60,43 @@ def diagnose(
         with ``complete`` false.
 
     Raises:
-        InputError: no logs, logs without outputs or with different ones.
+        InputError: no logs, logs without outputs or with different ones; another diagnosis is at work in ``out``,
+            or a file of the results' names there is none of a diagnosis.
+        FileError: a file cannot be written.
         LogError: a log lacks a pressure of the arm.
         ConvergenceError: the arm diverges under these logs.
         MissingExtraError: SciPy, or Plotly for the report, is not installed.
     """
     import_extra("scipy", extra="identify", purpose="Diagnosis")
-    folder = None if out is None else Path(out)
-    if folder is not None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be a folder for results: {error.strerror or error}") from error
-        if report:
-            import_extra("plotly", extra="report", purpose="The report of a diagnosis")
+    if out is not None and report:
+        import_extra("plotly", extra="report", purpose="The report of a diagnosis")
+    folder = None if out is None else make_folder(out)
     from bha.diagnose import workflow, written  # noqa: PLC0415  (SciPy is an extra)
+    from bha.diagnose.cache import cache_folder  # noqa: PLC0415
 
-    outcome = workflow.run(
-        arm,
-        logs,
-        holdout,
-        commanded=commanded,
-        kinds=kinds,
-        seed=seed,
-        threads=threads,
-        progress=progress,
-        cache_folder=None if folder is None else folder / ".cache",
-    )
-    if folder is not None:
-        diagnosed = written.diagnosed_arm(arm, outcome, logs)
-        diagnosed.save(folder / "arm_diagnosed.toml")
-        if report:
-            from bha.diagnose.report import write_report  # noqa: PLC0415  (Plotly is an extra)
+    if not logs:
+        raise InputError("logs: none; at least one is needed")
+    train = recordings(arm, logs, pressures=pressures)
+    held = recordings(arm, holdout, pressures=train[0].pressures.sort)
+    # Held until all is written: two diagnoses into one folder would mix their results.
+    with nullcontext() if folder is None else cache_folder(folder) as kept:
+        if folder is not None:
+            written.check_results(folder, report=report)
+        outcome = workflow.run(
+            train,
+            held,
+            kinds=kinds,
+            seed=seed,
+            threads=threads,
+            progress=progress,
+            cache_folder=kept,
+        )
+        if folder is not None:
+            diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
+            diagnosed.save(folder / "arm_diagnosed.toml")
+            if report:
+                from bha.diagnose.report import write_report  # noqa: PLC0415  (Plotly is an extra)
 
-            write_report(outcome, arm, folder / "report.html")
-        outcome.diagnosis.write(folder / "diagnosis.json")
+                write_report(outcome, arm, folder / "report.html")
+            outcome.diagnosis.write(folder / "diagnosis.json")
     return outcome.diagnosis

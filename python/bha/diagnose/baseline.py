@@ -167,7 +167,7 @@ def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | No
     Open loop over a whole log, an arm that is off by 15 per cent may run away, and so may every step of a fit from
     there; over a short time from the measured state it does not (multiple shooting: Bock 1983).
     """
-    if not tells_state(records[0].channels, sections):
+    if not tells_state(records[0].observation, sections):
         return None
     pieces = []
     for record in records:
@@ -220,14 +220,11 @@ def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence
     top = 0.47 / sample_time
     if top < 2.0 * QUIET_FREQUENCY:
         return result
-    channels = records[0].channels
+    is_length = records[0].observation.is_length
     edges = np.linspace(QUIET_FREQUENCY, top, 60)
     centres = 0.5 * (edges[1:] + edges[:-1])
-    for group in (
-        [k for k, c in enumerate(channels) if c.startswith("q")],
-        [k for k, c in enumerate(channels) if not c.startswith("q")],
-    ):
-        if not group:
+    for group in (np.flatnonzero(is_length), np.flatnonzero(~is_length)):
+        if not len(group):
             continue
         sums, counts = np.zeros(len(centres)), np.zeros(len(centres))
         for record, thinned, y in zip(records, prepared.records, outputs, strict=True):
@@ -334,7 +331,8 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
     # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
     rough = noise_model(records, [[] for _ in records])
     problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
-    known = cache.get("rough")
+    shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
+    known = cache.get("rough", shapes)
     stiff = prepared.method == "ros2"
     if stiff:
         model = with_wide_damping(model)
@@ -348,7 +346,7 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
     disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
     noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed))
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
-    known = cache.get("plain")
+    known = cache.get("plain", shapes)
     if known is None:
         fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=30, tolerance=2e-3, renewals=8)
         cache.put("plain", x=fit.x, states=np.array(fit.states))

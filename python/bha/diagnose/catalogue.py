@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bha.diagnose.model import Coordinate, EffectTerm
 from bha.errors import InputError
+from bha.parameters.section import are_standard_bellows
 
 Array = NDArray[np.float64]
 Numbers = Mapping[str, float]
@@ -243,10 +244,15 @@ def places(plan: KindPlan, core: Mapping[str, Any]) -> list[str]:
         elif sort == "bellows":
             result += [bellows_place(i, k) for i, s in enumerate(sections) for k in range(len(s["bellows"]))]
         elif sort == "length":
-            result += [bellows_place(i, k) for i in range(len(sections)) for k in range(3)]
+            # Sensors of single lengths are modelled where these are the coordinates.
+            result += [bellows_place(i, k) for i, s in enumerate(sections) if _are_coordinates(s) for k in range(3)]
         elif sort == "input":
             result += [f"input {name}" for name in core["inputs"]]
     return result
+
+
+def _are_coordinates(section: Mapping[str, Any]) -> bool:
+    return are_standard_bellows([(b["angle"], b["radius"]) for b in section["bellows"]], section["bellows_radius"])
 
 
 def bellows_place(section: int, bellows: int) -> str:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bha import _core, names
+from bha import _core
 from bha.diagnose.records import Record
 from bha.errors import BhaError
 
@@ -126,9 +126,9 @@ class Engine:
         nothing = np.full((rows, len(record.channels)), np.nan)
         if not live:
             return [nothing] * len(jobs)
-        needs_heads = any(not name.startswith("q") for name in record.channels)
+        observation = record.observation
         for share in self.shares:
-            lengths, _, heads, _, _ = _core.simulate_batch(
+            lengths, _, heads, *_ = _core.simulate_batch(
                 built,
                 inputs,
                 [times],
@@ -138,22 +138,13 @@ class Engine:
                 method=self.method,
                 step=share * step,
                 velocities=False,
-                head_positions=needs_heads,
+                head_positions=observation.needs_positions,
                 measured=True,
                 threads=self.threads,
             )
             if np.all(np.isfinite(lengths[:, -1])):
                 break
-        columns = channel_columns(record.channels, lengths.shape[2] // 3)
-        both = lengths if heads is None else np.concatenate([lengths, heads.reshape(lengths.shape)], axis=2)
-        outputs = iter(np.ascontiguousarray(both[:, :, columns]))
+        positions = None if heads is None else heads.reshape(*lengths.shape[:2], -1, 3)
+        outputs = iter(np.ascontiguousarray(observation.predicted(lengths, positions)))
         found = {id(job): y for job, y in zip(live, outputs, strict=True)}
         return [found.get(id(job), nothing) for job in jobs]
-
-
-def channel_columns(channels: Sequence[str], sections: int) -> list[int]:
-    """Columns of the channels in all lengths and head positions side by side."""
-    lengths = [names.length_name(i, k) for i in range(1, sections + 1) for k in (1, 2, 3)]
-    heads = [name for i in range(1, sections + 1) for name in names.position_names(i)]
-    place = {name: k for k, name in enumerate([*lengths, *heads])}
-    return [place[name] for name in channels]

@@ -15,6 +15,7 @@ from bha.extras import import_extra
 if TYPE_CHECKING:
     from bha.diagnose.result import Diagnosis
     from bha.diagnose.workflow import Outcome
+    from bha.recordings import Observation
 
 Array = NDArray[np.float64]
 
@@ -219,7 +220,7 @@ def arm_figure(outcome: Outcome) -> Any:
     kinds = [("measured", record.outputs, MEASURED), ("plain model", outcome.plain.prediction.outputs[0], BEFORE)]
     if outcome.diagnosis.verdict == "named":
         kinds.append(("with the named effects", outcome.best.prediction.outputs[0], AFTER))
-    curves = {name: [_backbone(arm, record.channels, outputs[row]) for row in rows] for name, outputs, _ in kinds}
+    curves = {name: [_backbone(arm, record.observation, outputs[row]) for row in rows] for name, outputs, _ in kinds}
     figure = _subplots(rows=1, cols=2, subplot_titles=("view along y", "view along x"), horizontal_spacing=0.12)
     for axis in (0, 1):
         for name, _, colour in kinds:
@@ -279,13 +280,19 @@ def arm_figure(outcome: Outcome) -> Any:
     return _layout(figure, 560, titled=True).update_layout(margin={"l": 50, "r": 20, "t": 70, "b": 150})
 
 
-def _backbone(arm: Any, channels: Sequence[str], outputs: Array) -> Array:
-    """Backbone (points, 3) from the lengths, or the base and the heads where lengths were not measured."""
-    lengths = [k for k, c in enumerate(channels) if c.startswith("q")]
-    if lengths:
+def _backbone(arm: Any, observation: Observation, outputs: Array) -> Array:
+    """Backbone (points, 3) from the lengths where they tell it, else the base and the heads."""
+    count = len(observation.rows)
+    if int(np.linalg.matrix_rank(observation.rows)) == observation.rows.shape[1]:
+        true = (outputs[:count] - observation.shifts) / observation.gains - observation.offsets
+        lengths = np.linalg.lstsq(observation.rows, true, rcond=None)[0]
         try:
-            return np.asarray(np.round(np.asarray(arm.shape(outputs[lengths], 8)).reshape(-1, 3), 5))
+            return np.asarray(np.round(np.asarray(arm.shape(lengths, 8)).reshape(-1, 3), 5))
         except ValueError:
             return np.full((2, 3), np.nan)
-    heads = np.asarray(outputs[[k for k, c in enumerate(channels) if c[0] in "xyz"]]).reshape(-1, 3)
+    sections = sorted({o.section for o in observation.outputs if o.kind == "position"})
+    seen = {(o.section, o.number): k for k, o in enumerate(observation.outputs) if o.kind == "position"}
+    whole = [i for i in sections if all((i, axis) in seen for axis in (1, 2, 3))]
+    columns = [seen[i, axis] for i in whole for axis in (1, 2, 3)]
+    heads = observation.camera.base_positions(np.asarray(outputs[columns]).reshape(-1, 3))
     return np.asarray(np.round(np.concatenate([np.zeros((1, 3)), heads]), 5))

@@ -29,6 +29,8 @@ HOLDOUT_BLOCK, SHORTEST_BLOCK = 1.0, 0.3
 ENOUGH_BLOCKS = 10
 #: An arm that is this far off has run away, m; what it did in the last second before that does not count either.
 RUN_AWAY, BEFORE_RUN_AWAY = 0.3, 1.0
+#: Least share of the readings of a block that count, so that it does.
+LEAST_COUNTED = 0.3
 #: Share of the blocks before a model runs away that is enough to compare it.
 LEAST_VALID = 0.4
 
@@ -41,7 +43,7 @@ class Prediction:
         outputs: simulated outputs of each log.
         states: estimated initial states.
         white: white residual of all logs.
-        blocks: mean square of the white residual of each block; NaN where the model has run away.
+        blocks: mean square of the white residual of each block with readings; NaN where the model has run away.
         rms: open-loop error over all logs and channels, m.
         until: time of each log up to which the model has not run away, s; infinite where it never does.
     """
@@ -116,8 +118,13 @@ class Holdout:
             squares += float(np.sum(error**2))
             count += error.size
             white = fit.residual[part].reshape(whitener.kept, -1)
+            share = np.interp(whitener.time, record.output_time, np.mean(record.good, axis=1))
             for s in block_edges(whitener.time, length):
-                blocks.append(float(np.mean(white[s] ** 2)) if whitener.time[s][-1] < end else np.nan)
+                counted = float(np.mean(share[s]))
+                # What does not count is zero in the white rows. A block without readings says nothing, of any model.
+                if counted >= LEAST_COUNTED:
+                    square = float(np.mean(white[s] ** 2)) / counted
+                    blocks.append(square if whitener.time[s][-1] < end else np.nan)
         rms = float(np.sqrt(squares / count)) if count else np.inf
         return Prediction(fit.outputs, fit.states, fit.residual, np.array(blocks), rms, until)
 

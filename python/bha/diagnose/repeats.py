@@ -60,11 +60,11 @@ def with_repeat_noise(records: Sequence[Record], repeated: Sequence[Repeat]) -> 
     if not repeated:
         return list(records)
     squares = np.mean([r.apart**2 for r in repeated], axis=0)
-    lengths = np.array([name.startswith("q") for name in records[0].channels])
+    lengths = records[0].observation.is_length
     pooled = {kind: float(np.sqrt(np.mean(squares[lengths == kind]))) for kind in np.unique(lengths)}
+    each = [pooled[kind] for kind in lengths]
     return [
-        replace(r, facts=tuple(replace(f, repeat_noise=pooled[f.name.startswith("q")]) for f in r.facts))
-        for r in records
+        replace(r, facts=tuple(replace(f, repeat_noise=v) for f, v in zip(r.facts, each, strict=True))) for r in records
     ]
 
 

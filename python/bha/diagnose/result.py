@@ -156,6 +156,18 @@ class Diagnosis(Table):
     complete: bool = True
     seconds: Finite = 0.0
 
+    def __repr__(self) -> str:
+        """Verdict and open-loop errors in a line."""
+        named = ", ".join(f"{effect.kind} at {effect.where}" for effect in self.effects)
+        errors = f"{1e3 * self.gap.before:.3g} mm before, {1e3 * self.gap.after:.3g} mm after"
+        end = "" if self.complete else ", interrupted"
+        verdict = f"{self.verdict}: {named}" if named else self.verdict
+        return f"Diagnosis({verdict}; {errors}, noise {1e3 * self.gap.noise:.3g} mm{end})"
+
+    def __str__(self) -> str:
+        """The same line."""
+        return repr(self)
+
     def to_json(self) -> str:
         """The text of ``diagnosis.json``."""
         return json.dumps(self.model_dump(mode="json", by_alias=True), indent=1, allow_nan=False) + "\n"

@@ -113,8 +113,8 @@ def probe(
                     per_strength.append(tuple(index))
                 candidates.append(Candidate(plan, where, shape))
                 columns.append(tuple(per_strength))
-    known = cache.get("signatures")
-    if known is not None and known["table"].shape == (problem.rows, len(changes)):
+    known = cache.get("signatures", {"table": (problem.rows, len(changes))})
+    if known is not None:
         return Signatures(tuple(candidates), tuple(columns), np.asarray(known["table"], dtype=np.float32))
     table = np.zeros((problem.rows, len(changes)), dtype=np.float32)
     text = json.dumps(core)
@@ -188,8 +188,9 @@ def head_path(fit: Fit, problem: Problem, section: int) -> Array:
             parts.append(outputs[::10][:, [record.channels.index(name) for name in names_of_heads]])
         else:
             # All lengths are among the outputs where heads are not.
-            columns = [k for k, c in enumerate(record.channels) if c.startswith("q")]
-            parts.append(np.array([arm.forward_kinematics(q)[0][section] for q in outputs[::10][:, columns]]))
+            table = outputs[::10][:, : len(record.observation.rows)] - record.observation.offsets
+            lengths = np.linalg.lstsq(record.observation.rows, table.T, rcond=None)[0].T
+            parts.append(np.array([arm.forward_kinematics(q)[0][section] for q in lengths]))
     return np.concatenate(parts)
 
 

@@ -73,9 +73,9 @@ def _step_through(
         h = time[row] - time[row - 1]
         tau = np.where(u[row] > x, fill, vent)
         keep = np.exp(-h / tau)
-        # Exact for a straight line from the last sample to this one, at one time constant.
+        # Exact for a straight line from the last sample to this one, at one time constant; a jump does not move it.
         slope = (u[row] - u[row - 1]) / h if h > 0.0 else np.zeros_like(x)
-        lagged = u[row] - ((u[row - 1] - x) * keep + slope * tau * (1.0 - keep))
+        lagged = u[row] - ((u[row - 1] - x) * keep + slope * tau * (1.0 - keep)) if h > 0.0 else x
         played = np.minimum(np.maximum(x, u[row] - width), u[row] + width)
         x = np.where(plays, played, lagged)
         out[row] = x

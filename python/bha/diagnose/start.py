@@ -8,14 +8,12 @@ Validity: every section's lengths or its head's position measured; motion that i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from bha import _core, names
-from bha.diagnose.engine import channel_columns
+from bha import _core
 from bha.diagnose.records import Record
+from bha.recordings import Observation
 
 Array = NDArray[np.float64]
 
@@ -31,9 +29,12 @@ LEAST_SINGULAR = 1e-6
 SOME_LENGTH, LEAST_LENGTH = 0.1, 0.01
 
 
-def tells_state(channels: Sequence[str], sections: int) -> bool:
-    """Whether the channels tell the lengths of all sections: three lengths or the head's position of each."""
-    return all(_section_channels(channels, i) is not None for i in range(1, sections + 1))
+def tells_state(observation: Observation, sections: int) -> bool:
+    """Whether the outputs tell the lengths of all sections: by the head's position of each, the rest by lengths."""
+    heads = _heads(observation)
+    rest = [i for i in range(sections) if i + 1 not in heads]
+    columns = [3 * i + k for i in rest for k in range(3)]
+    return not rest or int(np.linalg.matrix_rank(observation.rows[:, columns], tol=LEAST_SINGULAR)) == len(columns)
 
 
 def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
@@ -44,28 +45,28 @@ def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
     Raises:
         ConvergenceError: no rest under the first pressures, and nothing measured to start from.
     """
-    if tells_state(record.channels, sections):
+    observation = record.observation
+    if tells_state(observation, sections):
         values, rates = _start_of(record)
-        used = [c for i in range(1, sections + 1) for c in _section_channels(record.channels, i) or ()]
-        columns = [record.channels.index(name) for name in used]
-        if all(name.startswith("q") for name in used):
-            return np.concatenate([values[columns], rates[columns]])
-        q = pose(arm, used, values[columns], sections)
+        lengths = len(observation.rows)
+        if int(np.linalg.matrix_rank(observation.rows, tol=LEAST_SINGULAR)) == 3 * sections:
+            # Lengths alone tell all: nothing to search for.
+            known = (values[:lengths] - observation.shifts) / observation.gains - observation.offsets
+            both = np.column_stack([known, rates[:lengths] / observation.gains])
+            return np.asarray(np.linalg.lstsq(observation.rows, both, rcond=None)[0].T.ravel())
+        q = pose(arm, observation, values, sections)
         if q is not None:
-            _, jacobian = _channels_at(arm, used, q)
-            return np.concatenate([q, np.linalg.lstsq(jacobian, rates[columns], rcond=None)[0]])
+            _, jacobian = observation.at(arm, q)
+            return np.concatenate([q, np.linalg.lstsq(jacobian, rates, rcond=None)[0]])
     first = int(record.rows[0])
     q = arm.static_lengths(record.pressures[first], None if record.forces is None else record.forces[first])
     return np.concatenate([q, np.zeros(3 * sections)])
 
 
-def _section_channels(channels: Sequence[str], section: int) -> tuple[str, ...] | None:
-    """The channels that tell the lengths of a section: its lengths where all are measured, else its head's position."""
-    lengths = tuple(names.length_name(section, k) for k in (1, 2, 3))
-    for wanted in (lengths, tuple(names.position_names(section))):
-        if all(name in channels for name in wanted):
-            return wanted
-    return None
+def _heads(observation: Observation) -> set[int]:
+    """Sections, from 1, of which all three coordinates of the head were measured."""
+    own = [output.section for output in observation.outputs if output.kind == "position"]
+    return {section for section in own if own.count(section) == 3}
 
 
 def _start_of(record: Record) -> tuple[Array, Array]:
@@ -76,44 +77,39 @@ def _start_of(record: Record) -> tuple[Array, Array]:
     return values, rates
 
 
-def pose(arm: _core.Arm, channels: Sequence[str], values: Array, sections: int) -> Array | None:
-    """Lengths at which the arm shows ``values`` (k,) in the channels, shape (3n,); None if it cannot."""
-    q = _straight(arm, channels, values, sections)
+def pose(arm: _core.Arm, observation: Observation, values: Array, sections: int) -> Array | None:
+    """Lengths at which the arm shows ``values`` (C,) in its outputs, shape (3n,); None if it cannot."""
+    q = _straight(arm, observation, values, sections)
     for _ in range(MOST_STEPS):
-        predicted, jacobian = _channels_at(arm, channels, q)
+        predicted, jacobian = observation.at(arm, q)
         step = np.linalg.lstsq(jacobian, values - predicted, rcond=LEAST_SINGULAR)[0]
         q = q + np.clip(step, -GREATEST_STEP, GREATEST_STEP)
         if not np.all(np.isfinite(q)):
             return None
         if np.max(np.abs(step)) < LEAST_STEP:
             break
-    return q if np.max(np.abs(_channels_at(arm, channels, q)[0] - values)) < FAR else None
+    return q if np.max(np.abs(observation.at(arm, q)[0] - values)) < FAR else None
 
 
-def _straight(arm: _core.Arm, channels: Sequence[str], values: Array, sections: int) -> Array:
-    """Where the search begins: every section straight, as long as its head is away from the one before."""
+def _straight(arm: _core.Arm, observation: Observation, values: Array, sections: int) -> Array:
+    """Where the search begins: what lengths tell; else straight, as long as a head is away from the one before."""
     q = np.full(3 * sections, SOME_LENGTH)
     heights = arm.forward_kinematics(q)[0][:, 2]
-    place = {name: k for k, name in enumerate(channels)}
+    heads = _heads(observation)
     last = np.zeros(3)
     for i in range(1, sections + 1):
         own = slice(3 * (i - 1), 3 * i)
-        if names.length_name(i, 1) in place:
-            q[own] = [values[place[names.length_name(i, k)]] for k in (1, 2, 3)]
+        if i not in heads:
+            mine = np.flatnonzero(np.any(observation.rows[:, own] != 0.0, axis=1))
+            known = values[mine] - observation.offsets[mine] - observation.shifts[mine]
+            if len(known):
+                q[own] = np.linalg.lstsq(observation.rows[mine][:, own], known, rcond=None)[0]
             # Where the head is then does not matter much: it only says from where the next section's is away.
             last = np.array([0.0, 0.0, heights[i - 1]])
             continue
-        head = np.array([values[place[name]] for name in names.position_names(i)])
+        columns = [k for k, o in enumerate(observation.outputs) if o.kind == "position" and o.section == i]
+        head = observation.camera.base_positions(values[columns])
         rigid = heights[i - 1] - (heights[i - 2] if i > 1 else 0.0) - SOME_LENGTH
         q[own] = max(float(np.linalg.norm(head - last)) - rigid, LEAST_LENGTH)
         last = head
     return q
-
-
-def _channels_at(arm: _core.Arm, channels: Sequence[str], q: Array) -> tuple[Array, Array]:
-    """Values of the channels at the lengths ``q`` and their derivatives by these, shapes (k,) and (k, 3n)."""
-    sections = len(q) // 3
-    heads, _ = arm.forward_kinematics(q)
-    columns = channel_columns(channels, sections)
-    slopes = np.vstack([np.eye(len(q)), *(arm.jacobian(q, i)[:3] for i in range(1, sections + 1))])
-    return np.concatenate([q, heads.ravel()])[columns], slopes[columns]

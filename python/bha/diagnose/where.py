@@ -21,6 +21,7 @@ from scipy.fft import dct
 from bha.diagnose.fit import Problem
 from bha.diagnose.noise import NoiseModel, frequencies
 from bha.diagnose.result import plain
+from bha.recordings import Observation
 
 Array = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ def locate(
             {"name": c, "rms": e, "noise": f, "ratio": e / max(f, 1e-12), "p_value": _block_p(blocks, k)}
             for k, (c, e, f) in enumerate(zip(channels, error, floor, strict=True))
         ],
-        "section": _sections(channels, error, floor),
+        "section": _sections(records[0].observation, error, floor),
         "mode": _modes(records, residuals, floor, radius),
         "time": _times(records, residuals, floor),
         "band": _bands(records, residuals, noise),
@@ -102,28 +103,25 @@ def _block_p(blocks: Sequence[Array], channel: int) -> float:
     return float(stats.norm.sf((np.mean(means) - 1.0) / (spread / np.sqrt(len(means)))))
 
 
-def _sections(channels: Sequence[str], error: Array, floor: Array) -> list[dict[str, Any]]:
+def _sections(observation: Observation, error: Array, floor: Array) -> list[dict[str, Any]]:
     result = []
-    for number in sorted({_section(c) for c in channels}):
-        index = [k for k, c in enumerate(channels) if _section(c) == number]
+    sections = [output.section for output in observation.outputs]
+    for number in sorted(set(sections)):
+        index = [k for k, own in enumerate(sections) if own == number]
         rms, noise = float(np.sqrt(np.mean(error[index] ** 2))), float(np.sqrt(np.mean(floor[index] ** 2)))
         result.append({"name": f"section {number}", "rms": rms, "noise": noise, "ratio": rms / max(noise, 1e-12)})
     return result
 
 
-def _section(channel: str) -> int:
-    digits = channel.lstrip("qxyz")
-    return int(digits.split("_")[0]) if "_" in digits else int(digits[0])
-
-
 def _modes(
     records: Sequence[Any], residuals: Sequence[Array], floor: Array, radius: Sequence[float]
 ) -> list[dict[str, Any]]:
-    """Bends and mean length of each section, from its three lengths: amplitudes in m at the bellows."""
-    channels = records[0].channels
+    """Bends and mean length of each section, where its coordinates are measured: amplitudes in m at the bellows."""
+    rows = records[0].observation.rows
     result = []
     for number in range(1, len(radius) + 1):
-        index = [k for k, c in enumerate(channels) if c.startswith("q") and _section(c) == number]
+        own = np.eye(rows.shape[1])[3 * number - 3 : 3 * number]
+        index = [int(np.flatnonzero(same)[0]) for row in own if np.any(same := np.all(rows == row, axis=1))]
         if len(index) != 3:
             continue
         # r u, r v, l from the lengths (model page, the linear map).
@@ -181,20 +179,21 @@ def _regions(
     ratio = np.concatenate([np.mean((r / floor) ** 2, axis=1) for r in residuals])
     labels = _block_labels(records)
     result: list[dict[str, Any]] = []
-    channels = records[0].channels
+    observation = records[0].observation
     outputs = np.concatenate([r.outputs for r in records])
     speeds = np.concatenate([_speed(r.output_time, r.outputs) for r in records])
     pressures = np.concatenate([r.pressures[r.rows] for r in records])
-    for k, name in enumerate(channels):
+    lengths = np.flatnonzero(observation.is_length)
+    for k, name in enumerate(observation.names):
         result.append(_region(name, "m", outputs[:, k], ratio, labels, rng))
-        if name.startswith("q"):
+        if k in lengths:
             result.append(_region("d" + name + "/dt", "m/s", speeds[:, k], ratio, labels, rng))
     for k in range(pressures.shape[1]):
         result.append(_region(problem.records[0].pressure_facts[k].name, "Pa", pressures[:, k], ratio, labels, rng))
     moving = np.sqrt(np.mean(speeds**2, axis=1))
     result.append(_region("speed of the arm", "m/s", moving, ratio, labels, rng))
-    if any(c.startswith("q") for c in channels):
-        mean = np.mean(speeds[:, [k for k, c in enumerate(channels) if c.startswith("q")]], axis=1)
+    if len(lengths):
+        mean = np.mean(speeds[:, lengths], axis=1)
         result.append(_region("direction of motion (lengthening > 0)", "m/s", np.sign(mean), ratio, labels, rng))
     return sorted(result, key=lambda r: r["p_value"] if r["p_value"] is not None else 1.0)
 

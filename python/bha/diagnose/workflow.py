@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +36,7 @@ from bha.errors import InputError
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
+    from bha.recordings import Recording
 
 Array = NDArray[np.float64]
 #: Called with what is being done and the share of the stage that is done, or None where that is not known.
@@ -69,11 +69,9 @@ class Outcome:
 
 
 def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one call)
-    arm: Arm,
-    logs: Sequence[Log],
-    holdout_logs: Sequence[Log] = (),
+    logs: Sequence[Recording],
+    holdout_logs: Sequence[Recording] = (),
     *,
-    commanded: bool = False,
     seed: int = 0,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -82,7 +80,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     rules: Rules | None = None,
     limits: Limits | None = None,
 ) -> Outcome:
-    """Diagnose ``arm`` on ``logs``; see :func:`bha.diagnose`."""
+    """Diagnose the arm of ``logs``; see :func:`bha.diagnose`."""
+    arm, commanded = logs[0].acting, logs[0].pressures.sort == "commanded"
     begin = time.monotonic()
     rules, limits = rules or Rules(), limits or Limits()
 
@@ -91,7 +90,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
             progress(text, share)
 
     say("preparing the logs")
-    train, held = _records(arm, logs, holdout_logs, commanded)
+    train, held = _records(logs, holdout_logs, commanded)
     repeated = repeats(train)
     train, held = with_repeat_noise(train, repeated), with_repeat_noise(held, repeated)
     model = plain_model(arm)
@@ -108,6 +107,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     prediction = holdout.predict(plain_fit.model, plain_fit.x)
     first = Trial((), plain_fit, prediction)
     state = Search(first, first, rules)
+    state.notes += [f"{log.name}: {text}" for log in (*logs, *holdout_logs) for text in (*log.notes, *log.findings)]
     state.notes += [
         f"{r.name}: counts from {r.time[0]:.1f} s on, where the arm rests under its commands"
         for r, log in zip([*train, *held], [*logs, *holdout_logs], strict=False)
@@ -127,7 +127,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
     ranges = catalogue.core_ranges()
-    heads, lengths = _measured(train)
+    heads, lengths = _measured(train, arm)
     plans = [p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
@@ -174,12 +174,10 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
 
 
 def _records(
-    arm: Arm, logs: Sequence[Log], holdout_logs: Sequence[Log], commanded: bool
+    logs: Sequence[Recording], holdout_logs: Sequence[Recording], commanded: bool
 ) -> tuple[list[Record], list[Record]]:
-    if not logs:
-        raise InputError("logs: none; at least one is needed")
-    train = [prepare(arm, log, commanded=commanded) for log in logs]
-    held = [prepare(arm, log, commanded=commanded) for log in holdout_logs]
+    train = [prepare(log) for log in logs]
+    held = [prepare(log) for log in holdout_logs]
     for record in [*train, *held]:
         if record.channels != train[0].channels:
             raise InputError(
@@ -196,10 +194,10 @@ def _records(
     return whole[: len(train)], whole[len(train) :]
 
 
-def _measured(records: Sequence[Record]) -> tuple[bool, bool]:
-    """Whether head positions and whether lengths were measured."""
-    lengths = [c.startswith("q") for c in records[0].channels]
-    return not all(lengths), any(lengths)
+def _measured(records: Sequence[Record], arm: Arm) -> tuple[bool, bool]:
+    """Whether head positions were measured, and whether lengths where effects on their sensors are defined."""
+    lengths = records[0].observation.is_length
+    return not all(lengths), any(lengths) and arm.parameters.has_standard_bellows
 
 
 def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], engine: Engine) -> Holdout:
@@ -300,7 +298,7 @@ def _log_facts(record: Record, part: str) -> dict[str, Any]:
         "part": part,
         "rows": len(record.time),
         "duration": float(record.time[-1] - record.time[0]),
-        "channels": [vars(f) | {"frozen": list(f.frozen)} for f in (*record.facts, *record.pressure_facts)],
+        "channels": [asdict(f) for f in (*record.facts, *record.pressure_facts)],
     }
 
 

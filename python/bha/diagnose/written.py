@@ -7,12 +7,46 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bha.diagnose.model import Model
+from bha.errors import FileError, InputError, way_out
+from bha.files import check_target
 
 if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.diagnose.result import Number
     from bha.diagnose.workflow import Outcome
     from bha.log import Log
+
+
+#: The files of a diagnosis, each with what stands near its beginning.
+RESULTS = {
+    "diagnosis.json": b'"bha-diagnosis/',
+    "arm_diagnosed.toml": b'"bha-arm/',
+    "report.html": b"<title>Diagnosis of ",
+}
+_BEGINNING = 16_384
+
+
+def check_results(folder: Path, *, report: bool) -> None:
+    """Check that the results can be written, and that they replace those of an earlier diagnosis and nothing else.
+
+    Raises:
+        InputError: a file of that name is there and is none of a diagnosis.
+        FileError: one cannot be written.
+    """
+    for name, mark in RESULTS.items():
+        if name == "report.html" and not report:
+            continue
+        path = folder / name
+        check_target(path)
+        try:
+            with path.open("rb") as file:
+                begins = file.read(_BEGINNING)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise FileError(f"{path}: cannot be read: {way_out(error)}") from error
+        if begins and mark not in begins:
+            raise InputError(f"{path}: was not written by bha diagnose; move it away, or name another folder")
 
 
 def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
@@ -36,7 +70,7 @@ def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
     changes: dict[str, Any] = {"section": mapping["section"]}
     if tables:
         changes["effect"] = [*mapping.get("effect", []), *tables]
-    return type(arm)(arm.parameters.updated(changes))
+    return arm.with_parameters(arm.parameters.updated(changes))
 
 
 def _effect_table(

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import click
-from rich.markup import escape
+from rich.text import Text
 
-from bha.cli.common import console, json_option, print_json, progress_bar, reports_errors, table
+from bha.cli.common import console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Outcome
+from bha.files import make_folder
 
 #: Name -> (module of this package, function), in the order of the document.
 EXPERIMENTS = {
@@ -52,6 +53,7 @@ def experiment(name: str, out: Path, seed: int, as_json: bool) -> None:
 
     wanted = list(EXPERIMENTS) if name == "all" else [name]
     outcomes = []
+    make_folder(out)  # before the work, lest it be lost
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("starting", total=float(len(wanted)))
         laboratory = Laboratory(seed=seed, note=lambda text: bar.update(task, description=text))
@@ -59,7 +61,6 @@ def experiment(name: str, out: Path, seed: int, as_json: bool) -> None:
             bar.update(task, description=each)
             outcomes.append(function(each)(laboratory))
             bar.advance(task)
-    out.mkdir(parents=True, exist_ok=True)
     if name == "all":
         written = [write_document(outcomes, out, laboratory.real.body, laboratory.real.sensors)]
     else:
@@ -80,15 +81,15 @@ def report(outcomes: list[Outcome], written: list[Path]) -> None:
     """Print claims and tables."""
     terminal = console()
     for outcome in outcomes:
-        claims = table("Claim", "Here", "Holds", title=outcome.title)
+        claims = table("Claim", "Here", "Holds", title=outcome.title, running=("Claim", "Here"))
         for claim in outcome.claims:
             claims.add_row(claim.paper, claim.ours, "yes" if claim.holds else "no")
         terminal.print(claims)
         for numbers in outcome.tables:
             shown = table(*numbers.headings)
-            shown.caption = numbers.caption
+            shown.caption = Text(numbers.caption)
             for row in numbers.rows:
-                shown.add_row(*map(escape, row))
+                shown.add_row(*row)
             terminal.print(shown)
     if written:
-        terminal.print("Written: " + ", ".join(str(path) for path in written), highlight=False, soft_wrap=True)
+        say("Written: " + ", ".join(str(path) for path in written))

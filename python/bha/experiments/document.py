@@ -7,13 +7,13 @@ from pathlib import Path
 
 from bha.experiments.outcome import Outcome, Table
 from bha.experiments.virtual_arm import Body, Sensors
-from bha.files import written_whole
+from bha.files import make_folder, written_whole
 from bha.plot import write_figure
 
 
 def write_figures(outcome: Outcome, folder: Path) -> list[Path]:
     """Write the figures of one experiment into ``folder`` as PNG; returns their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     return [write_figure(figure, folder / f"{stem}.png") for stem, (figure, _) in outcome.figures.items()]
 
 

@@ -19,11 +19,10 @@ def run(lab: Laboratory) -> Outcome:
     fit = lab.paper.damping
     arm = lab.identified
     release, log = lab.swing
-    start, free = swing_from_release(log, release)
+    start, free = swing_from_release(arm, log, release)
     time, measured = free.time - free.time[0], lateral(arm, free)
     lengths = free.lengths
-    assert lengths is not None
-    drive = Input.constant(free.pressures(arm.inputs).mean(axis=0), float(time[-1]))
+    drive = Input.constant(free.pressures.mean(axis=0), float(time[-1]))
     model_time, swung, _ = simulated_swing(arm, drive, start)
     model = fit_oscillation(model_time, swung[:, -1])
     fitted = np.full_like(measured, np.nan)

@@ -19,7 +19,7 @@ def run(lab: Laboratory) -> Outcome:
     """Energies from measured lengths and their filtered derivatives."""
     signal = import_extra("scipy.signal", extra="identify", purpose="Differentiating measured lengths")
     release, log = lab.swing
-    _, free = swing_from_release(log, release)
+    _, free = swing_from_release(lab.identified, log, release)
     time = free.time - free.time[0]
     dt = float(time[1])
     # The release is a corner: the filter must not look across it, so it fits its polynomial to what follows.

@@ -15,11 +15,10 @@ from bha.simulation import Input
 def run(lab: Laboratory) -> Outcome:
     """A swing that the damping was not identified from."""
     release, log = lab.second_swing
-    start, free = swing_from_release(log, release)
+    start, free = swing_from_release(lab.identified, log, release)
     time = free.time - free.time[0]
     lengths = free.lengths
-    assert lengths is not None
-    drive = Input.constant(free.pressures(lab.identified.inputs).mean(axis=0), float(time[-1]))
+    drive = Input.constant(free.pressures.mean(axis=0), float(time[-1]))
 
     deflection = {"measured": (time, lateral(lab.identified, free))}
     shown = {"measured": (time, lengths)}

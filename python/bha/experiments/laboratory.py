@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -106,18 +107,9 @@ class Laboratory:
 
     def measured(self, log: Log) -> Trajectory:
         """A log as a trajectory: heads follow from measured lengths by (14), velocities were not measured."""
-        lengths = log.lengths
-        assert lengths is not None
-        heads = np.array([self.weighed.forward_kinematics(q)[0] for q in lengths])
-        return Trajectory(
-            time=log.time,
-            lengths=lengths,
-            velocities=np.full_like(lengths, np.nan),
-            pressures=log.pressures(self.weighed.inputs),
-            head_positions=heads,
-            input_names=self.weighed.inputs,
-            arm_name="virtual arm",
-        )
+        found = procedures.seen(self.weighed, log)
+        heads = np.array([self.weighed.forward_kinematics(q)[0] for q in found.lengths])
+        return replace(found, head_positions=heads, arm_name="virtual arm")
 
     def measure_bending(self, section: int) -> tuple[Schedule, Log]:
         """The staircase that bends one section, counted from 1."""

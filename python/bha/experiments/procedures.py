@@ -14,7 +14,9 @@ from bha.experiments.virtual_arm import Schedule
 from bha.extras import import_extra
 from bha.log import Log
 from bha.parameters import ArmParameters
+from bha.recordings import Recording
 from bha.simulation import Input, simulate
+from bha.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -81,18 +83,22 @@ def with_sections(arm: Arm, changes: Sequence[Mapping[str, Any]], name: str) -> 
     return Arm(ArmParameters.from_mapping(mapping, origin=name))
 
 
-def steady_states(log: Log, schedule: Schedule, inputs: Sequence[str]) -> tuple[Array, Array]:
+def seen(arm: Arm, log: Log) -> Trajectory:
+    """A log as the arm sees it: pressures, and the coordinates that its lengths tell."""
+    return Recording(arm, log, pressures="measured", warn=False).as_trajectory()
+
+
+def steady_states(arm: Arm, log: Log, schedule: Schedule) -> tuple[Array, Array]:
     """Mean pressures (k, inputs) and lengths (k, 3n) over the last part of each hold."""
-    lengths = log.lengths
-    assert lengths is not None
-    pressures = log.pressures(inputs)
-    rows = [(log.time > end - STEADY) & (log.time <= end) for end in schedule.time[1::2]]
-    return np.array([pressures[r].mean(axis=0) for r in rows]), np.array([lengths[r].mean(axis=0) for r in rows])
+    found = seen(arm, log)
+    rows = [(found.time > end - STEADY) & (found.time <= end) for end in schedule.time[1::2]]
+    pressures = np.array([found.pressures[r].mean(axis=0) for r in rows])
+    return pressures, np.array([np.nanmean(found.lengths[r], axis=0) for r in rows])
 
 
 def fit_stiffness(arm: Arm, log: Log, schedule: Schedule, order: int = 3) -> list[StiffnessFit]:
     """Section IV-C: F_spr = A_P (p - p_amb) plus a bellows' share of the weight below it; a curve through it."""
-    pressures, lengths = steady_states(log, schedule, arm.inputs)
+    pressures, lengths = steady_states(arm, log, schedule)
     weight = arm.parameters.gravity[2] * np.cumsum([s.mass for s in arm.parameters.sections][::-1])[::-1]
     fits = []
     for i, section in enumerate(arm.parameters.sections):
@@ -113,7 +119,7 @@ def fit_bending(arm: Arm, section: int, log: Log, schedule: Schedule) -> Bending
 
     ``arm`` has the stiffness found before and no bending stiffness.
     """
-    pressures, lengths = steady_states(log, schedule, arm.inputs)
+    pressures, lengths = steady_states(arm, log, schedule)
     parameters = arm.parameters.sections[section - 1]
     first, radius = 3 * (section - 1), parameters.bellows_radius
     still = np.zeros(lengths.shape[1])
@@ -162,10 +168,10 @@ def fit_damping(arm: Arm, log: Log, release: float) -> DampingFit:
     and the same in all sections.
     """
     optimize = import_extra("scipy.optimize", extra="identify", purpose="Identification")
-    start, free = swing_from_release(log, release)
+    start, free = swing_from_release(arm, log, release)
     time = free.time - free.time[0]
     measured = fit_oscillation(time, lateral(arm, free)[:, -1])
-    drive = Input.constant(free.pressures(arm.inputs).mean(axis=0), float(time[-1]))
+    drive = Input.constant(free.pressures.mean(axis=0), float(time[-1]))
     stiffness = [s.stiffness[0] for s in arm.parameters.sections]
 
     def with_ratio(ratio: float) -> Arm:
@@ -186,17 +192,14 @@ def simulated_swing(arm: Arm, drive: Input, start: Array) -> tuple[Array, Array,
     return run.time, run.head_positions[:, :, 0] - rest, run.lengths
 
 
-def swing_from_release(log: Log, release: float) -> tuple[Array, Log]:
-    """Lengths at the release (mean over the 0.1 s before it) and the log from there on."""
-    lengths = log.lengths
-    assert lengths is not None
-    before = (log.time > release - 0.1) & (log.time <= release)
-    return lengths[before].mean(axis=0), log.between(release, float(log.time[-1]))
+def swing_from_release(arm: Arm, log: Log, release: float) -> tuple[Array, Trajectory]:
+    """Lengths at the release (mean over the 0.1 s before it) and what was measured from there on."""
+    found = seen(arm, log)
+    before = (found.time > release - 0.1) & (found.time <= release)
+    return np.nanmean(found.lengths[before], axis=0), found[int(np.searchsorted(found.time, release)) :]
 
 
-def lateral(arm: Arm, log: Log) -> Array:
+def lateral(arm: Arm, free: Trajectory) -> Array:
     """Lateral deflection x of every head from where it comes to rest, from measured lengths; (m, n), m."""
-    lengths = log.lengths
-    assert lengths is not None
-    x = np.array([arm.forward_kinematics(q)[0][:, 0] for q in lengths])
-    return np.asarray(x - x[log.time > log.time[-1] - 1.0].mean(axis=0))
+    x = np.array([arm.forward_kinematics(q)[0][:, 0] for q in free.lengths])
+    return np.asarray(x - x[free.time > free.time[-1] - 1.0].mean(axis=0))

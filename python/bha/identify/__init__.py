@@ -11,7 +11,7 @@ from bha.identify.free import FreeParameter, default_free
 from bha.identify.holdout import Prediction, predict
 from bha.identify.identifiability import Combination, unknown_combinations
 from bha.identify.moments import Inertia, inertia
-from bha.identify.records import Record, frozen_spans, record
+from bha.identify.records import Record, record
 from bha.identify.refine import Refinement, Settings, refine
 from bha.identify.residuals import ChannelResidual
 from bha.identify.result import Estimate, HeldOut, Identification, identification
@@ -44,7 +44,6 @@ __all__ = [
     "default_free",
     "excite",
     "fit_poses",
-    "frozen_spans",
     "identification",
     "identify",
     "inertia",

@@ -9,15 +9,16 @@ import click
 from rich.table import Table
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
+from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
+from bha.cli.logs import missing_option, pressures_option, read_logs
 from bha.errors import InputError
+from bha.files import check_target
 from bha.identify.excitation import KINDS, Excitation, excite
 from bha.identify.free import FreeParameter
-from bha.identify.records import Record, frozen_spans, record
 from bha.identify.refine import Settings
 from bha.identify.result import HeldOut, Identification
 from bha.identify.workflow import identify
-from bha.log import Log
+from bha.recordings import PressureSort
 
 #: Exit code of a fit that did not converge; its best point is written all the same.
 NOT_CONVERGED = 3
@@ -36,7 +37,8 @@ NOT_CONVERGED = 3
 @click.option("--windows", metavar="S,S", default="0.75,6", show_default=True,
               help="Lengths of the simulated windows, stage by stage [s]; 'all' is a whole log.")  # fmt: skip
 @click.option("--step", type=float, help="Step of the integrator [s]; chosen and checked if left out.")
-@click.option("--skip-frozen", is_flag=True, help="Leave out spans in which all measured pressures stand still.")
+@pressures_option
+@missing_option
 @click.option("--max-iterations", type=click.IntRange(1), default=40, show_default=True)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the redrawn pressure noise.")
 @click.option("--plot", "plot", is_flag=True, help="Write figures beside --out (or beside the first log).")
@@ -50,7 +52,8 @@ def identify_command(
     free: tuple[str, ...],
     windows: str,
     step: float | None,
-    skip_frozen: bool,
+    pressures: PressureSort | None,
+    missing: bool,
     max_iterations: int,
     seed: int,
     plot: bool,
@@ -60,19 +63,17 @@ def identify_command(
 
     A fit that does not converge says so, keeps its best point and ends with exit code 3.
     """
-    if out is not None and not out.resolve().parent.is_dir():
-        raise InputError(f"{out}: the folder {out.resolve().parent} does not exist; create it first")
+    check_target(out)  # before the work, lest it be lost
     settings = Settings(windows=_windows(windows), step=step, max_iterations=max_iterations, seed=seed)
     parameters = [_free(text) for text in free] or None
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading logs", total=1.0)
-        used = [_record(arm, path, skip_frozen) for path in logs]
-        held = [_record(arm, path, skip_frozen) for path in holdouts]
+        read = read_logs(arm, [*logs, *holdouts], pressures, missing)
         result = identify(
             arm,
-            used,
+            read[: len(logs)],
             parameters,
-            holdout=held,
+            holdout=read[len(logs) :],
             settings=settings,
             progress=lambda text, done: bar.update(task, description=text, completed=done),
         )
@@ -120,6 +121,7 @@ def excite_command(
     as_json: bool,
 ) -> None:
     """Propose pressures that make the parameters of ARM known, and predict how well."""
+    check_target(out)
     proposal = excite(
         arm,
         duration=duration,
@@ -147,12 +149,6 @@ def excite_command(
     _show_prospects(proposal)
     if out is not None:
         click.echo(f"written: {out}")
-
-
-def _record(arm: Arm, path: Path, skip_frozen: bool) -> Record:
-    log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure)
-    spans = frozen_spans(arm, log) if skip_frozen else []
-    return record(arm, log, exclude=spans)
 
 
 def _windows(text: str) -> tuple[float | None, ...]:
@@ -191,11 +187,11 @@ def _show(result: Identification) -> None:
     out = console()
     outcome = result.refinement.outcome
     state = "converged" if outcome.converged else "NOT CONVERGED"
-    out.print(
+    say(
         f"{state} after {outcome.iterations} steps in {result.refinement.seconds:.1f} s ({outcome.message}); "
         f"{result.refinement.problem.model.method} with {1e3 * result.refinement.problem.model.step:g} ms"
     )
-    estimates = table("parameter", "unit", "start", "estimate", "std. error", "95 % interval", "")
+    estimates = table("parameter", "unit", "start", "estimate", "std. error", "95 % interval", "", running=[""])
     for e in result.estimates:
         note = "at its bound" if e.at_bound else "" if e.identified else "not told by these logs"
         estimates.add_row(
@@ -213,7 +209,7 @@ def _show(result: Identification) -> None:
     if result.held_out:
         out.print(_held_out_table(result.held_out))
     for warning in result.warnings:
-        out.print(f"warning: {warning}", markup=False)
+        say(f"warning: {warning}")
 
 
 def _held_out_table(held_out: tuple[HeldOut, ...]) -> Table:
@@ -234,7 +230,7 @@ def _show_prospects(proposal: Excitation) -> None:
     out = console()
     out.print(prospects)
     for combination in proposal.unknown:
-        out.print(f"would stay unknown: {combination.text}", markup=False)
+        say(f"would stay unknown: {combination.text}")
 
 
 def _write_figures(result: Identification, stem: Path) -> list[Path]:

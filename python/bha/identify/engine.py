@@ -18,9 +18,11 @@ from bha.arm import Arm
 from bha.batch import Batch, simulate_batch
 from bha.errors import ConvergenceError, ParameterError
 from bha.identify.free import Coordinate, apply
-from bha.identify.grid import averaged, grid_of
+from bha.identify.grid import Grid, averaged, grid_of
 from bha.identify.records import Record, Window
 from bha.parameters import ArmParameters
+from bha.recordings import Observation
+from bha.recordings.outputs import longest_sensor_delay
 from bha.simulation import Method
 
 Array = NDArray[np.float64]
@@ -154,7 +156,8 @@ class Model:
 
     def _run(self, members: Sequence[tuple[Arm, Window, Array]]) -> list[Array]:
         pieces = dict.fromkeys(w for _, w, _ in members)
-        grids = {w: grid_of(self.records[w.record].time[w.first : w.last], self.step) for w in pieces}
+        lead = 1.5 * longest_sensor_delay(self.parameters)
+        grids = {w: self._grid(w, lead) for w in pieces}
         drives = {w.record: averaged(self.records[w.record].drive, self.step) for w in grids}
         times = np.full((len(members), max(len(g.time) for g in grids.values())), np.nan)
         for k, (_, w, _) in enumerate(members):
@@ -168,12 +171,27 @@ class Model:
             method=self.method,
             step=self.step * (1.0 + 1e-9),
             velocities=False,
-            head_positions=any(rec.heads_measured for rec in self.records),
+            head_positions=any(rec.observation.needs_positions for rec in self.records),
+            head_orientations=any(rec.observation.needs_orientations for rec in self.records),
+            measured=True,
             threads=self.threads,
         )
+        seen: dict[tuple[int, int], Observation] = {}
         outputs = []
-        for k, (_, w, _) in enumerate(members):
-            rec, grid = self.records[w.record], grids[w]
-            heads = None if batch.head_positions is None else batch.head_positions[k, : len(grid.time)]
-            outputs.append(grid.at_rows(rec.predicted(batch.lengths[k, : len(grid.time)], heads)))
+        for k, (arm, w, _) in enumerate(members):
+            grid = grids[w]
+            if (id(arm), w.record) not in seen:
+                seen[id(arm), w.record] = Observation.of(arm.parameters, self.records[w.record].observation.outputs)
+            heads, turns = (
+                None if table is None else table[k, : len(grid.time)]
+                for table in (batch.head_positions, batch.head_orientations)
+            )
+            shown = seen[id(arm), w.record].predicted(batch.lengths[k, : len(grid.time)], heads, turns)
+            outputs.append(grid.at_rows(shown))
         return outputs
+
+    def _grid(self, window: Window, lead: float) -> Grid:
+        """The grid of a window: begun earlier by what its sensors are behind, as far as the log goes back."""
+        rec = self.records[window.record]
+        rows = rec.time[window.first : window.last]
+        return grid_of(rows, self.step, start=max(float(rec.time[0]), float(rows[0]) - lead))

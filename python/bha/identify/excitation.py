@@ -26,7 +26,8 @@ from bha.identify.integration import choose_integration
 from bha.identify.records import Record, windows
 from bha.identify.solver import Point, Problem, Residuals
 from bha.log import Log
-from bha.names import length_name
+from bha.recordings import Observation
+from bha.recordings.outputs import coordinate_outputs
 from bha.simulation import Input
 
 Array = NDArray[np.float64]
@@ -143,8 +144,7 @@ def predict_knowledge(
         sha256=None,
         drive=Input(time, pressures),
         time=time[thin],
-        channels=tuple(length_name(i, k) for i in range(1, n // 3 + 1) for k in (1, 2, 3)),
-        index=np.arange(n),
+        observation=Observation.of(arm.parameters, coordinate_outputs(arm)),
         measured=np.zeros((len(time[thin]), n)),
         usable=np.ones((len(time[thin]), n), dtype=np.bool_),
         noise=np.full(n, noise),

@@ -41,6 +41,8 @@ _RANGES: dict[str, tuple[float, float]] = {
     "center_of_mass": (-0.5, 0.5),
     "gravity": (-9.9, 9.9),
 }
+# A change of a sensor's number that shows: m and rad.
+_SENSOR_SCALES = {"camera_position": 0.02, "camera_rotation": 0.05, "angle": 0.05, "radius": 0.01, "offset": 0.02}
 # Standard deviation of the default prior on ln(value): a factor of five either way is unremarkable.
 _LOG_PRIOR = math.log(5.0)
 
@@ -198,6 +200,8 @@ def typical_scale(  # noqa: PLR0911  (a table of cases)
 ) -> float:
     """A change of the number at a path that makes a visible difference: the unit of its coordinate z."""
     key, steps = paths.key_of(path), path.split(".")
+    if paths.is_of_sensors(path) and key in _SENSOR_SCALES:
+        return _SENSOR_SCALES[key]
     if key == "center_of_mass":
         return 0.02
     if key == "gravity":

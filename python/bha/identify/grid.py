@@ -46,9 +46,10 @@ class Grid:
         return total
 
 
-def grid_of(rows: Array, step: float) -> Grid:
-    """The grid with a step, s, from the first of some rows (ascending times, s) to the last."""
-    place = (rows - rows[0]) / step
+def grid_of(rows: Array, step: float, *, start: float | None = None) -> Grid:
+    """The grid with a step, s, from ``start`` (the first of some rows) to the last; rows are ascending times, s."""
+    begin = float(rows[0]) if start is None else start
+    place = (rows - begin) / step
     count = max(int(np.ceil(place[-1] - 1e-9)) + 1, _POINTS)
     first = np.clip(np.floor(place).astype(np.int64) - _POINTS // 2 + 1, 0, count - _POINTS)
     local = place - first
@@ -58,7 +59,7 @@ def grid_of(rows: Array, step: float) -> Grid:
         for other in range(_POINTS):
             if other != k:
                 weights[:, k] *= (local - nodes[other]) / (nodes[k] - nodes[other])
-    return Grid(rows[0] + step * np.arange(count), first, weights)
+    return Grid(np.asarray(begin + step * np.arange(count), dtype=np.float64), first, weights)
 
 
 def averaged(drive: Input, step: float) -> Input:

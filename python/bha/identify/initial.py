@@ -97,7 +97,4 @@ def _rest(arm: Arm, pressures: Array) -> Array:
 
 def _channels(arm: Arm, rec: Record, q: Array) -> tuple[Array, Array]:
     """The record's channels at a pose and their derivative by the lengths."""
-    n = len(q)
-    positions, _ = arm.forward_kinematics(q)
-    jacobian = np.vstack([np.eye(n), *[arm.jacobian(q, i)[:3] for i in range(1, n // 3 + 1)]])
-    return rec.predicted(q, positions), jacobian[rec.index]
+    return rec.observation.at(arm, q)

@@ -1,12 +1,13 @@
-"""Measured logs as identification sees them: channels with noise, usable rows, windows.
+"""Recordings as identification sees them: channels with noise, usable rows, windows.
 
-A record holds what the model predicts (bellows lengths and head positions) beside what drives it. Rows where a measured
-pressure was frozen while the arm moved on are found and left out of residuals; the simulation still passes through
-them.
+A record holds what the model predicts (lengths, head positions, orientations) beside what drives it; it is made of a
+:class:`bha.Recording`, which says what each sample is worth. Rows that do not count are left out of residuals; the
+simulation still passes through them.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -16,17 +17,15 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import InputError
-from bha.identify.noise import noise_deviations
 from bha.log import Log
-from bha.names import length_name, position_names
+from bha.recordings import Observation, PressureSort, Recording
 from bha.simulation import Input
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: A measured pressure that stays exactly the same for longer than this, while others say it moved, is frozen, s.
-FROZEN_SECONDS = 1.5
-#: Noise that is assumed where a channel does not tell it: length sensors and motion capture rarely do better, m.
+#: Noise that is assumed where a channel does not tell it: length sensors and motion capture rarely do better; in the
+#: unit of the channel (m; a quaternion's component).
 DEFAULT_NOISE = 2e-4
 
 
@@ -40,8 +39,8 @@ class Record:
         sha256: hash of its file, or None.
         drive: what drives the arm, at all sample times.
         time: times of the rows compared, s, shape (m,).
-        channels: names of the measured channels, the arm's lengths first, then its head positions.
-        index: place of each channel in (3n lengths, 3n head coordinates), shape (C,).
+        observation: the measured channels as functions of coordinates and heads: lengths first, then head positions,
+            then orientations.
         measured: measurements, m, shape (m, C).
         usable: which measurements count, shape (m, C).
         noise: standard deviation of each channel's sensor noise, m, shape (C,).
@@ -53,8 +52,7 @@ class Record:
     sha256: str | None
     drive: Input
     time: Array
-    channels: tuple[str, ...]
-    index: NDArray[np.int64]
+    observation: Observation
     measured: Array
     usable: Mask
     noise: Array
@@ -63,6 +61,11 @@ class Record:
     def __len__(self) -> int:
         """Number of rows."""
         return len(self.time)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the measured channels."""
+        return self.observation.names
 
     @property
     def duration(self) -> float:
@@ -81,20 +84,6 @@ class Record:
         rows = _thinned(self.time, interval)
         return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
 
-    @property
-    def heads_measured(self) -> bool:
-        """Whether some channel is a head's position."""
-        return any(not channel.startswith("q") for channel in self.channels)
-
-    def predicted(self, lengths: Array, heads: Array | None) -> Array:
-        """The record's channels out of predicted lengths (..., 3n) and head positions (..., n, 3), shape (..., C).
-
-        Head positions may be left out where no channel is one.
-        """
-        if heads is None:
-            return np.asarray(lengths[..., self.index])
-        return np.concatenate([lengths, heads.reshape(*heads.shape[:-2], -1)], axis=-1)[..., self.index]
-
 
 @dataclass(frozen=True)
 class Window:
@@ -107,8 +96,9 @@ class Window:
 
 def record(
     arm: Arm,
-    log: Log,
+    log: Log | Recording | str | os.PathLike[str],
     *,
+    pressures: PressureSort | None = None,
     name: str | None = None,
     session: str = "",
     channels: Sequence[str] | None = None,
@@ -120,7 +110,9 @@ def record(
 
     Args:
         arm: the arm; says which pressures drive it.
-        log: the log.
+        log: the log, its path, or a recording of it.
+        pressures: which pressures drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones where there
+            are any.
         name: what to call it; the file's name if None.
         session: session of the log, for parameters that differ between sessions.
         channels: names of the channels to compare (``q11``, ``x2``, ...); all that the log has if None.
@@ -129,74 +121,45 @@ def record(
         exclude: spans of time that do not count, s.
 
     Raises:
-        LogError: the log lacks a pressure of the arm.
+        LogError: the log lacks a pressure of the arm, or has a name that the arm's layout contradicts.
         InputError: the log has nothing to compare with, or too few rows.
     """
-    n = arm.section_count
-    origin = name or (log.path.name if log.path is not None else "<arrays>")
-    possible = [length_name(i, k) for i in range(1, n + 1) for k in (1, 2, 3)]
-    possible += [axis for i in range(1, n + 1) for axis in position_names(i)]
-    wanted = set(possible if channels is None else channels)
-    if unknown := wanted - set(possible):
-        raise InputError(f"{origin}: channels {', '.join(sorted(unknown))}: an arm of {n} sections has no such channel")
-    kept = [place for place, channel in enumerate(possible) if channel in log and channel in wanted]
+    recording = log if isinstance(log, Recording) else Recording(arm, log, pressures=pressures, name=name)
+    origin, outputs = name or recording.name, recording.outputs
+    if channels is not None and (unknown := set(channels) - set(recording.channels)):
+        has = ", ".join(recording.channels) or "none"
+        raise InputError(f"{origin}: channels {', '.join(sorted(unknown))}: not measured of this arm; found {has}")
+    kept = [k for k, output in enumerate(outputs) if channels is None or output.name in channels]
     if not kept:
         raise InputError(
-            f"{origin}: nothing to compare a simulation with; lengths (q11, ...) or head positions (x1, y1, z1, ...) "
-            f"are needed, the log has {', '.join(log.columns)}"
+            f"{origin}: nothing to compare a simulation with; lengths (q11, ...), head positions (x1, y1, z1, ...) or "
+            f"orientations (ow1, ox1, ...) are needed, the log has {', '.join(recording.log.columns)}"
         )
-    drive = Input.from_log(arm, log)
-    rows = _thinned(log.time, min_interval)
-    if len(rows) < 2 or not log.time[rows[-1]] > log.time[rows[0]]:
+    rows = _thinned(recording.time, min_interval)
+    if len(rows) < 2 or not recording.time[rows[-1]] > recording.time[rows[0]]:
         raise InputError(f"{origin}: {len(rows)} rows; at least two at different times are needed")
-    table = np.column_stack([log[possible[place]] for place in kept])
-    deviation = noise_deviations(table) if noise is None else np.asarray(noise, dtype=np.float64)
+    facts = [recording.facts[k] for k in kept]
+    if noise is None:
+        deviation = np.array([max(fact.noise, fact.quantum / np.sqrt(12.0)) for fact in facts])
+    else:
+        deviation = np.asarray(noise, dtype=np.float64)
     if deviation.shape != (len(kept),):
         raise InputError(f"{origin}: noise of {deviation.shape}; one number a channel is needed, ({len(kept)},)")
     known = np.isfinite(deviation) & (deviation > 0)
     deviation = np.where(known, deviation, np.median(deviation[known]) if known.any() else DEFAULT_NOISE)
-    pressure_noise = np.nan_to_num(noise_deviations(drive.pressures))
     made = Record(
         name=origin,
         session=session,
-        sha256=log.sha256,
-        drive=drive,
-        time=log.time[rows],
-        channels=tuple(possible[place] for place in kept),
-        index=np.array(kept, dtype=np.int64),
-        measured=table[rows],
-        usable=np.isfinite(table[rows]),
+        sha256=recording.log.sha256,
+        drive=recording.drive,
+        time=recording.time[rows],
+        observation=Observation.of(arm.parameters, [outputs[k] for k in kept]),
+        measured=recording.measured[rows][:, kept],
+        usable=recording.usable[rows][:, kept],
         noise=deviation,
-        pressure_noise=pressure_noise,
+        pressure_noise=recording.pressure_noise,
     )
     return made.without(exclude) if exclude else made
-
-
-def frozen_spans(
-    arm: Arm, log: Log, *, longer_than: float = FROZEN_SECONDS, recovery: float = 0.0
-) -> list[tuple[float, float]]:
-    """Spans of time in which all measured pressures of the arm stood exactly still together, s.
-
-    Pressure sensors flicker; values that repeat to the last digit in every channel at once come from a data logger that
-    has stopped. A log without any flicker (a simulated or filtered one) has no frozen spans.
-
-    Args:
-        arm: says which pressures are meant.
-        log: the log.
-        longer_than: shortest span that counts, s.
-        recovery: added after each span, so that the arm can find back to what drives it, s.
-    """
-    moved = np.any(np.diff(log.pressures(arm.inputs), axis=0) != 0.0, axis=1)
-    if not moved.any():
-        return []
-    ends = log.time[np.concatenate([[0], np.flatnonzero(moved) + 1, [len(log) - 1]])]
-    starts, stops = ends[:-1], ends[1:]
-    usual = float(np.median(np.diff(ends)))
-    return [
-        (float(a), float(b) + recovery)
-        for a, b in zip(starts, stops, strict=True)
-        if b - a > max(longer_than, 20.0 * usual)
-    ]
 
 
 def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 8) -> list[Window]:

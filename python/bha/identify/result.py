@@ -92,6 +92,19 @@ class Identification:
     held_out: tuple[HeldOut, ...]
     warnings: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """The fit in a line; ``estimates`` has the numbers."""
+        told = sum(estimate.identified for estimate in self.estimates)
+        logs = len(self.refinement.problem.model.records)
+        outcome = self.refinement.outcome
+        state = "converged" if outcome.converged else "NOT converged"
+        left = max((r.rms / r.noise for r in self.residuals if r.noise), default=float("nan"))
+        by = "1 log" if logs == 1 else f"{logs} logs"
+        return (
+            f"Identification({self.start.name!r}: {told} of {len(self.estimates)} parameters told by {by}, "
+            f"{state} after {outcome.iterations} steps, leaves at most {left:.3g} times the noise)"
+        )
+
     @property
     def converged(self) -> bool:
         """Whether the fit converged."""
@@ -229,7 +242,7 @@ def _warnings(
             f"the fit leaves more than the sensors' noise in {len(large)} of {len(residuals)} channels (most in "
             f"{worst.channel} of {worst.record}: {1e3 * worst.rms:.2g} mm, noise {1e3 * worst.noise:.2g} mm): the "
             "model lacks physics there, and the intervals are those of the best parameters of a model that is not "
-            "quite right"
+            "quite right; `bha diagnose` names what is missing"
         )
     return said
 

@@ -20,6 +20,7 @@ from bha.extras import import_extra
 from bha.identify.free import Coordinate, FreeParameter, apply, resolve
 from bha.identify.records import Record
 from bha.parameters import ArmParameters
+from bha.recordings import Observation
 
 Array = NDArray[np.float64]
 
@@ -161,6 +162,7 @@ class _Poses:
             except ParameterError:
                 found.append(error)
                 continue
+            shown = Observation.of(arm.parameters, rec.observation.outputs)
             poses = np.full((len(rows), 3 * arm.section_count), np.nan)
             starts, before = self._last[k], None
             for i, pressure in enumerate(self._pressures[k]):
@@ -171,8 +173,7 @@ class _Poses:
                     before = None
                     continue
                 before = poses[i]
-                heads, _ = arm.forward_kinematics(poses[i])
-                error[i] = rec.measured[rows[i]] - rec.predicted(poses[i], heads)
+                error[i] = rec.measured[rows[i]] - shown.at(arm, poses[i])[0]
             if remember:
                 self._last[k] = poses
             found.append(error)

@@ -24,6 +24,8 @@ def spoken(path: str) -> str:
         if len(steps) > 3 and steps[2] == "bellows":
             place = ("all bellows of " if steps[3] == "*" else f"bellows {steps[3]} of ") + place
         words += f" of {place}"
+    elif steps[0] == "length_sensor":
+        words += f" of length sensor {steps[1]}"
     elif steps[0] == "effect":
         words += f" of effect {steps[1]}"
     return words

@@ -11,14 +11,16 @@ from bha.identify.records import Record, record
 from bha.identify.refine import Settings, refine
 from bha.identify.result import Identification, identification
 from bha.log import Log
+from bha.recordings import PressureSort, Recording, recordings
 
 
 def identify(
     arm: Arm,
-    logs: Sequence[Log | Record],
+    logs: Sequence[Log | Recording | Record],
     free: Iterable[FreeParameter | str] | None = None,
     *,
-    holdout: Sequence[Log | Record] = (),
+    holdout: Sequence[Log | Recording | Record] = (),
+    pressures: PressureSort | None = None,
     settings: Settings | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Identification:
@@ -26,11 +28,13 @@ def identify(
 
     Args:
         arm: where to start from; what is not free stays as it is.
-        logs: logs to fit, with measured pressures and lengths or head positions.
+        logs: logs to fit, or recordings or records of them, with pressures and lengths or heads.
         free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; per
         section
             mass, stiffness, bending stiffness and damping if None.
         holdout: logs that take no part in the fit and are predicted before and after it.
+        pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
+            where the first log has them.
         settings: how to fit.
         progress: called with what is being done and the fraction done (a guess).
 
@@ -46,8 +50,11 @@ def identify(
     """
     if not logs:
         raise InputError("there is no log to identify from; give at least one")
-    used = [item if isinstance(item, Record) else record(arm, item) for item in logs]
-    held = [item if isinstance(item, Record) else record(arm, item) for item in holdout]
+    records = [item if isinstance(item, Record) else None for item in (*logs, *holdout)]
+    others = [item for item in (*logs, *holdout) if not isinstance(item, Record)]
+    made = iter([record(arm, item) for item in recordings(arm, others, pressures=pressures)])
+    every = [next(made) if rec is None else rec for rec in records]
+    used, held = every[: len(logs)], every[len(logs) :]
     _check_once(used, held)
     fit = refine(arm, used, default_free(arm.parameters) if free is None else free, settings, progress=progress)
     return identification(arm, fit, held)

@@ -1,8 +1,8 @@
 """Parameter files: the TOML description of an arm, schema ``bha-arm/1``.
 
-``provenance.py`` says where a value comes from, ``bellows.py``, ``section.py``, ``pneumatics.py``, ``effect.py`` and
-``arm.py`` are the tables of the file, ``messages.py`` turns what is wrong into errors a person can act on,
-``document.py`` writes back without losing comments or order.
+``provenance.py`` says where a value comes from, ``bellows.py``, ``section.py``, ``pneumatics.py``, ``sensors.py``,
+``effect.py`` and ``arm.py`` are the tables of the file, ``messages.py`` turns what is wrong into errors a person can
+act on, ``document.py`` writes back without losing comments or order.
 """
 
 from bha.parameters.arm import SCHEMA, ArmParameters, ForceModel, StatedValue
@@ -11,6 +11,7 @@ from bha.parameters.effect import EFFECT_KINDS, EffectKind, EffectParameter, Eff
 from bha.parameters.pneumatics import PneumaticsLevel, PneumaticsParameters
 from bha.parameters.provenance import LogReference, Provenance
 from bha.parameters.section import SectionParameters
+from bha.parameters.sensors import LengthSensorParameters, SensorsParameters
 
 __all__ = [
     "EFFECT_KINDS",
@@ -21,11 +22,13 @@ __all__ = [
     "EffectParameter",
     "EffectParameters",
     "ForceModel",
+    "LengthSensorParameters",
     "LogReference",
     "PneumaticsLevel",
     "PneumaticsParameters",
     "Provenance",
     "ResolvedBellows",
     "SectionParameters",
+    "SensorsParameters",
     "StatedValue",
 ]

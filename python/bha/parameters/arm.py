@@ -29,10 +29,16 @@ from bha.parameters.provenance import (
     provenance_mapping,
 )
 from bha.parameters.section import SectionParameters
+from bha.parameters.sensors import LengthSensorParameters, SensorsParameters, check_length_sensors
 
 SCHEMA = "bha-arm/1"
+#: Most sections of an arm, as in the core.
+MOST_SECTIONS = 256
+#: Bytes of a parameter file; what is larger is something else, such as a log.
+LARGEST_FILE = 16 << 20
 ForceModel = Literal["end_force", "work_conjugate"]
-_NOT_VALUES = ("schema_name", "name", "sections", "pneumatics", "effects", "provenance")
+_TABLES = ("pneumatics", "sections", "sensors", "length_sensors", "effects", "provenance")
+_NOT_VALUES = ("schema_name", "name", *_TABLES)
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,7 @@ class StatedValue:
         section: number of its section, from 1; None for values of the whole arm.
         bellows: number of its bellows within the section, from 1; None for values of the section.
         effect: number of its effect, from 1; None for values that belong to no effect.
+        sensor: its table among the sensors, ``"sensors"`` or ``"length sensor wire1"``; None for other values.
         key: its name in the file.
         value: number, text, switch or tuple of numbers.
         unit: unit of the value as text, empty where it has none.
@@ -56,6 +63,7 @@ class StatedValue:
     unit: str
     provenance: Provenance
     effect: int | None = None
+    sensor: str | None = None
 
 
 class ArmParameters(Table):
@@ -74,9 +82,20 @@ class ArmParameters(Table):
     provenance: ProvenanceTable = provenance_key()
     pneumatics: PneumaticsParameters | None = key("a [pneumatics] table; left out: ideal pressures", default=None)
     sections: tuple[SectionParameters, ...] = key(
-        "one [[section]] table, in double brackets, per section of the arm", alias="section", min_length=1
+        f"one [[section]] table, in double brackets, per section of the arm, at most {MOST_SECTIONS}",
+        alias="section",
+        min_length=1,
+        max_length=MOST_SECTIONS,
     )
 
+    sensors: SensorsParameters | None = key(
+        "a [sensors] table; left out: heads are measured in the base frame, lengths at the bellows", default=None
+    )
+    length_sensors: tuple[LengthSensorParameters, ...] = key(
+        "[[length_sensor]] tables, in double brackets, one per wire or other length that a log has",
+        alias="length_sensor",
+        default=(),
+    )
     effects: tuple[EffectParameters, ...] = key(
         "[[effect]] tables, in double brackets, one per effect", alias="effect", default=()
     )
@@ -88,7 +107,10 @@ class ArmParameters(Table):
     def _check(self) -> Self:
         stated = {name: value for name, value in self if name not in _NOT_VALUES}
         check_provenance(self.provenance, stated)
-        check_effects(self.effects, [len(s.resolved_bellows(1)) for s in self.sections], self.inputs)
+        check_length_sensors(self.length_sensors, len(self.sections))
+        as_coordinates = self.sensors is not None and self.sensors.lengths == "coordinates"
+        measured = [as_coordinates or section.has_standard_bellows for section in self.sections]
+        check_effects(self.effects, [len(s.resolved_bellows(1)) for s in self.sections], self.inputs, measured)
         return self
 
     def __eq__(self, other: object) -> bool:
@@ -110,9 +132,12 @@ class ArmParameters(Table):
                 line, key, what was found and what is allowed.
         """
         try:
-            content = Path(path).read_bytes()
-        except OSError as error:
+            with Path(path).open("rb") as file:
+                content = file.read(LARGEST_FILE + 1)
+        except (OSError, ValueError) as error:
             raise ParameterError(messages.unreadable(path, error)) from error
+        if len(content) > LARGEST_FILE:
+            raise ParameterError(f"{path}: is larger than {LARGEST_FILE >> 20} MiB; no parameter file is")
         try:
             text = content.decode()
         except UnicodeDecodeError as error:
@@ -125,7 +150,7 @@ class ArmParameters(Table):
         text = text.removeprefix("\ufeff").replace("\r\n", "\n")
         try:
             mapping = tomllib.loads(text)
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise ParameterError(messages.not_toml(origin, text, error)) from error
         parameters = cls.from_mapping(mapping, origin=origin, text=text)
         parameters._toml = text
@@ -146,7 +171,11 @@ class ArmParameters(Table):
         Warns:
             ParameterWarning: a value is allowed, but physically impossible.
         """
-        if mapping.get("schema") != SCHEMA:
+        if not isinstance(mapping, Mapping):
+            found = type(mapping).__name__
+            raise ParameterError(f"{origin}: found {found}; expected a mapping of keys to values, as a file has")
+        schema = mapping.get("schema")
+        if not isinstance(schema, str) or schema != SCHEMA:
             raise ParameterError(messages.wrong_schema(origin, mapping, SCHEMA))
         try:
             parameters = cls.model_validate(mapping)
@@ -169,14 +198,16 @@ class ArmParameters(Table):
 
     def to_mapping(self) -> dict[str, Any]:
         """The nested mapping that the file amounts to: what was stated, nothing that is left to defaults."""
-        mapping = _stated_mapping(self, {"provenance", "pneumatics", "sections", "effects"})
+        mapping = _stated_mapping(self, set(_TABLES))
         if self.provenance:
             mapping["provenance"] = provenance_mapping(self.provenance)
         if self.pneumatics is not None:
-            mapping["pneumatics"] = _stated_mapping(self.pneumatics, {"provenance"})
-            if self.pneumatics.provenance:
-                mapping["pneumatics"]["provenance"] = provenance_mapping(self.pneumatics.provenance)
+            mapping["pneumatics"] = _table_mapping(self.pneumatics)
         mapping["section"] = [section_mapping(section) for section in self.sections]
+        if self.sensors is not None:
+            mapping["sensors"] = _table_mapping(self.sensors)
+        if self.length_sensors:
+            mapping["length_sensor"] = [_table_mapping(sensor) for sensor in self.length_sensors]
         if self.effects:
             mapping["effect"] = [effect.to_mapping() for effect in self.effects]
         return mapping
@@ -215,8 +246,16 @@ class ArmParameters(Table):
         names = (b.input for number, s in enumerate(self.sections, start=1) for b in s.resolved_bellows(number))
         return tuple(dict.fromkeys(names))
 
+    @property
+    def has_standard_bellows(self) -> bool:
+        """Whether the bellows of every section are the standard three, so that the coordinates are their lengths."""
+        return all(section.has_standard_bellows for section in self.sections)
+
     def to_core_json(self) -> str:
-        """Everything the core computes with, as JSON, every default and inherited value filled in; inputs by index."""
+        """Everything the core computes with, as JSON, every default and inherited value filled in; inputs by index.
+
+        Where the sensors are is not among it: the motion does not depend on them.
+        """
         inputs = self.inputs
         index = {name: i for i, name in enumerate(inputs)}
         sections = [
@@ -258,6 +297,10 @@ class ArmParameters(Table):
             yield from _stated(section, number, None, {"bellows", "provenance"})
             for place, bellows in enumerate(section.bellows or (), start=1):
                 yield from _stated(bellows, number, place, {"provenance"})
+        if self.sensors is not None:
+            yield from _stated(self.sensors, None, None, {"provenance"}, sensor="sensors")
+        for sensor in self.length_sensors:
+            yield from _stated(sensor, None, None, {"name", "provenance"}, sensor=f"length sensor {sensor.name}")
         for number, effect in enumerate(self.effects, start=1):
             section_number, bellows_number = effect.section_and_bellows
             units = {p.name: p.unit for p in effect.info.parameters}
@@ -273,20 +316,26 @@ def section_mapping(section: SectionParameters) -> dict[str, Any]:
     if section.provenance:
         table["provenance"] = provenance_mapping(section.provenance)
     if section.bellows is not None:
-        table["bellows"] = [
-            _stated_mapping(bellows, {"provenance"})
-            | ({"provenance": provenance_mapping(bellows.provenance)} if bellows.provenance else {})
-            for bellows in section.bellows
-        ]
+        table["bellows"] = [_table_mapping(bellows) for bellows in section.bellows]
     return table
 
 
-def _stated(table: Any, section: int | None, bellows: int | None, skip: set[str]) -> Iterator[StatedValue]:
+def _stated(
+    table: Any, section: int | None, bellows: int | None, skip: set[str], *, sensor: str | None = None
+) -> Iterator[StatedValue]:
     for name, field in type(table).model_fields.items():
         if name in table.model_fields_set and name not in skip and getattr(table, name) is not None:
             provenance = table.provenance.get(name, ASSUMED)
             unit = field.json_schema_extra["unit"]
-            yield StatedValue(section, bellows, name, getattr(table, name), unit, provenance)
+            yield StatedValue(section, bellows, name, getattr(table, name), unit, provenance, sensor=sensor)
+
+
+def _table_mapping(table: Any) -> dict[str, Any]:
+    """A table without tables of its own but for its provenance, as it stands in a file."""
+    mapping = _stated_mapping(table, {"provenance"})
+    if table.provenance:
+        mapping["provenance"] = provenance_mapping(table.provenance)
+    return mapping
 
 
 def _stated_mapping(table: Table, skip: set[str]) -> dict[str, Any]:

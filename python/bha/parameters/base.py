@@ -13,9 +13,15 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
+#: Greatest size of a number: its square and cube are finite, and no quantity of an arm comes near it.
+GREATEST = 1e30
+#: Least size of a number that is divided by.
+LEAST = 1e-30
+
+
 # Strict: the text "1.5" or the switch true is a mistake where a number belongs, not a number.
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[Number, Field(gt=0)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-GREATEST, le=GREATEST)]
+Positive = Annotated[Number, Field(ge=LEAST)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Switch = Annotated[bool, Field(strict=True)]
 Vector3 = tuple[Number, Number, Number]
@@ -44,12 +50,15 @@ def key(allowed: str, *, unit: str = "", default: Any = ..., alias: str | None =
     return Field(default, description=allowed, alias=alias, json_schema_extra={"unit": unit}, **limits)
 
 
-def table_error(message: str, at: str = "") -> PydanticCustomError:
-    """An error found by comparing values of one table; ``at`` is the key to blame (dotted in a subtable), if any."""
+def table_error(message: str, at: str | tuple[str | int, ...] = "") -> PydanticCustomError:
+    """An error found by comparing values of one table; ``at`` is the key to blame, if any.
+
+    In a subtable it is the way there, dotted or, where a name comes from the file and may hold dots, as a tuple.
+    """
     return PydanticCustomError("bha_table", "{message}", {"message": message, "key": at})
 
 
 def nearest(name: str, allowed: Sequence[str]) -> str:
     """``; nearest allowed: 'mass'``, or all that is allowed where nothing is near."""
-    near = difflib.get_close_matches(name.lower(), allowed, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(name.lower()[:100], allowed, n=1, cutoff=0.6)
     return f"; nearest allowed: {near[0]!r}" if near else f"; allowed: {', '.join(allowed)}"

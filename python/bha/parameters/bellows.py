@@ -11,7 +11,7 @@ from pydantic import model_validator
 from bha.parameters.base import NotNegative, Number, Polynomial, Positive, Table, key, table_error
 from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key
 
-INPUT_PATTERN = r"^p([1-9][1-9]|[1-9][0-9]+_[1-9][0-9]*|[1-9]_[1-9][0-9]+)$"
+INPUT_PATTERN = r"^p([1-9][1-9]|[1-9][0-9]{1,2}_[1-9][0-9]{0,2}|[1-9]_[1-9][0-9]{1,2})$"
 STIFFNESS_ALLOWED = (
     "1 to 8 numbers [c1, c2, ...]: spring force = c1 e + c2 e^2 + ..., e = length - rest_length (N/m, N/m^2, ...)"
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from typing import Any
@@ -41,6 +42,22 @@ def _merge(table: Any, mapping: Mapping[str, Any]) -> None:
                 _merge(old_entry, entry)
         elif old is None or old.unwrap() != value:
             table[name] = _item(name, value)
+            if old is not None:
+                _said_of(table[name], old)
+
+
+# A comment that begins with a unit says what the value is, not where it comes from: it holds for any value.
+_OF_ANY_VALUE = re.compile(r"#\s*(kg|K|m|N|Pa|rad|s|1/s)\b")
+_SAID_OF = re.compile(r"\(said of [^()]*\)$")
+
+
+def _said_of(item: Item, old: Any) -> None:
+    """Lets the comment beside a changed value say of which value it was written."""
+    comment = item.trivia.comment
+    if comment and not _OF_ANY_VALUE.match(comment) and not _SAID_OF.search(comment):
+        value = old.unwrap()
+        text = old.as_string() if isinstance(value, int | float | str) else "another value"
+        item.trivia.comment = f"{comment} (said of {text})"
 
 
 def _item(name: str, value: Any) -> Item:

@@ -15,7 +15,6 @@ kind added there is known here. A table says the kind, where it acts, and its nu
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +24,8 @@ from typing import Any, Self
 from pydantic import ConfigDict, model_validator
 
 from bha import _core
-from bha.parameters.base import Table, key, nearest, table_error
+from bha.parameters.base import GREATEST, Table, key, nearest, table_error
+from bha.parameters.messages import shown
 from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key, provenance_mapping
 
 _PLACES = {
@@ -36,8 +36,8 @@ _PLACES = {
     "sensors": '"sensors"',
 }
 _PLACE = re.compile(
-    r"(?P<all>all)|(?P<sensors>sensors)|section (?P<section>[1-9]\d*)|input (?P<input>p\d+(?:_\d+)?)"
-    r"|bellows (?:(?P<i>[1-9])(?P<k>[1-9])|(?P<ii>[1-9]\d*)_(?P<kk>[1-9]\d*))"
+    r"(?P<all>all)|(?P<sensors>sensors)|section (?P<section>[1-9][0-9]{0,3})|input (?P<input>p[0-9]+(?:_[0-9]+)?)"
+    r"|bellows (?:(?P<i>[1-9])(?P<k>[1-9])|(?P<ii>[1-9][0-9]{0,3})_(?P<kk>[1-9][0-9]{0,3}))"
 )
 
 
@@ -118,7 +118,7 @@ class EffectParameters(Table):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.kind not in EFFECT_KINDS:
-            raise table_error(f'found "{self.kind}"{nearest(self.kind, list(EFFECT_KINDS))}', "kind")
+            raise table_error(f"found {shown(self.kind)}{nearest(self.kind, list(EFFECT_KINDS))}", "kind")
         self._check_place()
         self._check_numbers()
         if (self.force is not None) != (self.kind == "formula"):
@@ -126,7 +126,7 @@ class EffectParameters(Table):
                 raise table_error('missing; allowed: a formula such as "-c * tanh(qd / v0)" (N)', "force")
             raise table_error(f'only kind "formula" has a force; this is "{self.kind}"', "force")
         if self.force is not None and (fault := _core.formula_fault(self.force, list(self.stated_numbers))):
-            raise table_error(f'found "{self.force}": {fault}', "force")
+            raise table_error(f"found {shown(self.force)}: {fault}", "force")
         check_provenance(self.provenance, dict(self.stated_numbers))
         return self
 
@@ -134,17 +134,18 @@ class EffectParameters(Table):
         found = _PLACE.fullmatch(self.where)
         if found is None or self._place_kind() not in self.info.places:
             allowed = " or ".join(_PLACES[place] for place in self.info.places)
-            raise table_error(f'found "{self.where}"; allowed for {self.kind}: {allowed}', "where")
+            raise table_error(f"found {shown(self.where)}; allowed for {self.kind}: {allowed}", "where")
 
     def _check_numbers(self) -> None:
         known = {parameter.name: parameter for parameter in self.info.parameters}
         for name, value in self.stated_numbers.items():
             if self.kind != "formula" and name not in known:
-                raise table_error("unknown key" + nearest(name, ["kind", "where", "provenance", *known]), name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise table_error(f"found {value!r}; allowed: a finite number", name)
+                raise table_error("unknown key" + nearest(name, ["kind", "where", "provenance", *known]), (name,))
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= GREATEST:
+                allowed = f"a finite number, at most {GREATEST:g} in size"
+                raise table_error(f"found {shown(value)}; allowed: {allowed}", (name,))
             if name in known and not known[name].low <= value <= known[name].high:
-                raise table_error(f"found {value!r}; allowed: {_allowed(known[name])}", name)
+                raise table_error(f"found {shown(value)}; allowed: {_allowed(known[name])}", name)
         for name, parameter in known.items():
             if parameter.default is None and name not in self.stated_numbers:
                 raise table_error(f"missing; allowed: {_allowed(parameter)}", name)
@@ -204,17 +205,26 @@ def _allowed(parameter: EffectParameter) -> str:
     return f"a number from {parameter.low:g} to {parameter.high:g}{unit}: {parameter.meaning}"
 
 
-def check_effects(effects: Sequence[EffectParameters], bellows: Sequence[int], inputs: Sequence[str]) -> None:
+# Kinds that act on the sensor of a length where their place is a bellows; the core's sensors are those of coordinates.
+_OF_LENGTH_SENSORS = ("delay", "length_gain", "length_offset")
+
+
+def check_effects(
+    effects: Sequence[EffectParameters], bellows: Sequence[int], inputs: Sequence[str], measured: Sequence[bool]
+) -> None:
     """Check that the places of ``effects`` exist on an arm and that none is given twice.
 
     Args:
         effects: the effects of the arm.
         bellows: number of bellows of each section.
         inputs: names of the arm's inputs.
+        measured: for each section whether its measured lengths are its three coordinates.
 
     Raises:
         PydanticCustomError: with what is wrong; pydantic adds where.
     """
+    first: dict[tuple[str, str], int] = {}
+    equal: dict[tuple[Any, ...], int] = {}
     for number, effect in enumerate(effects):
         section, place = effect.section_and_bellows
         if section is not None and section > len(bellows):
@@ -224,15 +234,24 @@ def check_effects(effects: Sequence[EffectParameters], bellows: Sequence[int], i
         if section is not None and place is not None and place > max(bellows[section - 1], 3):
             message = f'found "{effect.where}"; allowed: bellows 1 to {bellows[section - 1]} of section {section}'
             raise table_error(message, f"effect.{number}.where")
+        sensor = place is not None and effect.kind in _OF_LENGTH_SENSORS
+        if section is not None and sensor and not measured[section - 1]:
+            raise table_error(
+                f'found "{effect.where}"; the bellows of section {section} are not at 0, 120 and 240 degrees and '
+                f"bellows_radius, where the sensors of single lengths are modelled; allowed: "
+                f'"section {section}", or lengths = "coordinates" under [sensors] if that is what the log has',
+                f"effect.{number}.where",
+            )
         name = effect.where.removeprefix("input ")
         if effect.where.startswith("input ") and name not in inputs:
             message = f'found "{effect.where}"{nearest(name, inputs)}'
             raise table_error(message, f"effect.{number}.where")
-        for earlier, other in enumerate(effects[:number]):
-            same = (effect.kind, effect.where) == (other.kind, other.where)
-            equal = (effect.parameters, effect.force) == (other.parameters, other.force)
-            if same and (equal or not effect.info.several):
-                message = f'"{effect.kind}" at "{effect.where}" is already effect {earlier + 1}; allowed: ' + (
-                    "several with different numbers" if effect.info.several else "one"
-                )
-                raise table_error(message, f"effect.{number}.kind")
+        earlier = first.setdefault((effect.kind, effect.where), number)
+        if effect.info.several:
+            what = (effect.kind, effect.where, effect.force, *sorted(effect.parameters.items()))
+            earlier = equal.setdefault(what, number)
+        if earlier < number:
+            message = f'"{effect.kind}" at "{effect.where}" is already effect {earlier + 1}; allowed: ' + (
+                "several with different numbers" if effect.info.several else "one"
+            )
+            raise table_error(message, f"effect.{number}.kind")

@@ -14,8 +14,13 @@ path                                           number
 ``section.1.center_of_mass.z``                 an entry of a vector
 ``section.1.bellows.3.rest_length``            a value of one bellows only
 ``effect.1.time_constant``                     a number of an effect, if the arm has effects
+``sensors.camera_position.z``                  of the camera; ``camera_rotation``: rotation vector, rad
+``length_sensor.1.offset``                     of a length sensor; ``angle`` (rad), ``radius``
 ``section.*.damping``, ``section.1.stiffness.*``  a group: every number that the pattern matches
 =============================================  ==============================================
+
+Angles are in rad, also where the file states them in degrees; setting one states it in rad. Numbers of sensors do not
+act on the arm's motion: :func:`is_of_sensors` tells them.
 
 A section's value acts on those of its bellows that do not state their own. The moments of inertia follow the mass
 where the file leaves them to (56).
@@ -23,16 +28,19 @@ where the file leaves them to (56).
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
 
 from pydantic import ValidationError
 
-from bha.errors import ParameterError
+from bha.arrays import floats
+from bha.errors import InputError, ParameterError
 from bha.parameters.arm import ArmParameters, section_mapping
 from bha.parameters.base import nearest
 from bha.parameters.section import STANDARD_ANGLES_DEG, SectionParameters
+from bha.parameters.sensors import SensorsParameters
 
 AXES = ("x", "y", "z")
 #: Most coefficients of a stiffness polynomial, and of the bending moment.
@@ -52,7 +60,13 @@ _SECTION_NUMBERS = (
     "head_offset",
 )
 _BELLOWS_NUMBERS = ("radius", "terminal_area", "rest_length", "damping")
+_SENSORS_VECTORS = ("camera_position", "camera_rotation")
+_LENGTH_SENSOR_NUMBERS = ("angle", "radius", "offset")
 _UNITS = {
+    "camera_position": "m",
+    "camera_rotation": "rad",
+    "angle": "rad",
+    "offset": "m",
     "gravity": "m/s^2",
     "ambient_pressure": "Pa",
     "mass": "kg",
@@ -77,11 +91,18 @@ def key_of(path: str) -> str:
     return steps[-2] if len(steps) > 1 and steps[0] != "effect" and (last in (*AXES, "*") or last.isdigit()) else last
 
 
+def is_of_sensors(path: str) -> bool:
+    """Whether a path is that of a sensor's number, which measured values depend on and the motion does not."""
+    return path.partition(".")[0] in ("sensors", "length_sensor")
+
+
 def unit_of(path: str) -> str:
     """Unit of the number at a path; empty for groups, which are factors, and for effects."""
     if "*" in path:
         return ""
     key = key_of(path)
+    if key in _LENGTH_SENSOR_NUMBERS and path.startswith("effect."):
+        return ""
     if key == "stiffness":
         power = int(path.rsplit(".", 1)[1])
         return "N/m" if power == 1 else f"N/m^{power}"
@@ -105,6 +126,10 @@ def available(parameters: ArmParameters) -> tuple[str, ...]:
         for count, bellows in enumerate(section.resolved_bellows(number), start=1):
             paths += [f"{place}.bellows.{count}.{name}" for name in _BELLOWS_NUMBERS]
             paths += [f"{place}.bellows.{count}.stiffness.{k + 1}" for k in range(len(bellows.stiffness))]
+    if parameters.sensors is not None:
+        paths += [f"sensors.{name}.{axis}" for name in _SENSORS_VECTORS for axis in AXES]
+    for count in range(1, len(parameters.length_sensors) + 1):
+        paths += [f"length_sensor.{count}.{name}" for name in _LENGTH_SENSOR_NUMBERS]
     for count, effect in enumerate(_effects(parameters.to_mapping()), start=1):
         paths += [f"effect.{count}.{name}" for name, value in effect.items() if _is_number(value)]
     return tuple(paths)
@@ -128,7 +153,9 @@ def expand(parameters: ArmParameters, path: str) -> tuple[str, ...]:
     return found
 
 
-def get_value(parameters: ArmParameters, path: str) -> float:
+def get_value(  # noqa: PLR0911  (a table of cases)
+    parameters: ArmParameters, path: str
+) -> float:
     """The number at a path; that of a bellows includes what it inherits, a power beyond a polynomial's terms is 0.
 
     Raises:
@@ -140,14 +167,31 @@ def get_value(parameters: ArmParameters, path: str) -> float:
         case [name, axis] if name in _ARM_VECTORS and axis in AXES:
             return float(getattr(parameters, name)[AXES.index(axis)])
         case ["effect", number, name]:
-            effects = _effects(parameters.to_mapping())
-            if number.isdigit() and 0 < int(number) <= len(effects) and _is_number(effects[int(number) - 1].get(name)):
-                return float(effects[int(number) - 1][name])
+            place = _index(number, len(parameters.effects))
+            if place is not None:
+                effect = parameters.effects[place]
+                if _is_number(effect.stated_numbers.get(name)):
+                    return float(effect.stated_numbers[name])
+                if name in effect.parameters:
+                    default = f"the default, {effect.parameters[name]:g}, is not stated"
+                    raise ParameterError(
+                        f"{parameters.name}: {path}: {default}; state {name} in effect {number} of the file first"
+                    )
+        case ["sensors", name, axis] if name in _SENSORS_VECTORS and axis in AXES:
+            sensors = parameters.sensors or SensorsParameters()
+            vector = sensors.camera_position if name == "camera_position" else sensors.camera_rotation_rad
+            return float(vector[AXES.index(axis)])
+        case ["length_sensor", number, name] if name in _LENGTH_SENSOR_NUMBERS:
+            place = _index(number, len(parameters.length_sensors))
+            if place is not None:
+                sensor = parameters.length_sensors[place]
+                return float(sensor.angle_rad if name == "angle" else getattr(sensor, name))
         case ["section", number, "bellows", place, name, *rest] if name in (*_BELLOWS_NUMBERS, "stiffness"):
             section, i = _section(parameters, number, path)
             bellows = section.resolved_bellows(i)
-            if place.isdigit() and 0 < int(place) <= len(bellows):
-                return _entry(parameters, path, name, getattr(bellows[int(place) - 1], name), rest)
+            index = _index(place, len(bellows))
+            if index is not None:
+                return _entry(parameters, path, name, getattr(bellows[index], name), rest)
         case ["section", number, name, *rest] if name in (*_SECTION_NUMBERS, *_SECTION_VECTORS, *_SECTION_LISTS):
             section, _ = _section(parameters, number, path)
             value = section.resolved_inertia() if name == "inertia" else getattr(section, name)
@@ -175,6 +219,37 @@ def with_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmPa
     return parameters.updated(mapping)
 
 
+def restated(parameters: ArmParameters, values: Mapping[str, float]) -> ArmParameters:
+    """As :func:`with_values`, for values that someone states anew.
+
+    Patterns stand for all that they match; a changed value loses its provenance, which was that of another value.
+
+    Raises:
+        ParameterError: there is no such number, or the value is not allowed in a parameter file.
+        InputError: something that is no finite number.
+    """
+    if not isinstance(values, Mapping):
+        raise InputError(f"values: {type(values).__name__}; a mapping from paths to numbers is needed")
+    wanted: dict[str, float] = {}
+    for path, value in values.items():
+        if not isinstance(path, str):
+            raise InputError(f"values: {path!r} is no path; a text such as 'section.1.mass' is needed")
+        number = float(floats(value, path, ()))
+        wanted |= dict.fromkeys(expand(parameters, path), number)
+    changed = {path: value for path, value in wanted.items() if value != get_value(parameters, path)}
+    if not changed:
+        return parameters
+    restated = with_values(parameters, changed)
+    mapping, stale = restated.to_mapping(), False
+    for path in changed:
+        table, key, _ = table_of(mapping, path)
+        entries = table.get("provenance", {})
+        stale |= entries.pop(key, None) is not None
+        if not entries:
+            table.pop("provenance", None)
+    return restated.updated(mapping) if stale else restated
+
+
 def _with_section_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmParameters | None:
     """As :func:`with_values`, where only numbers of sections change: these sections are checked and nothing else.
 
@@ -199,7 +274,9 @@ def table_of(mapping: Mapping[str, Any], path: str) -> tuple[Any, str, int | Non
     """
     steps = path.split(".")
     table: Any = mapping
-    if steps[0] in ("section", "effect"):
+    if steps[0] == "sensors":
+        table, steps = mapping["sensors"], steps[1:]
+    elif steps[0] in ("section", "effect", "length_sensor"):
         table, steps = mapping[steps[0]][int(steps[1]) - 1], steps[2:]
     if steps[0] == "bellows":
         table, steps = table["bellows"][int(steps[1]) - 1], steps[2:]
@@ -218,7 +295,12 @@ def _set(parameters: ArmParameters, mapping: dict[str, Any], steps: list[str], v
         else:
             inherited = {name: getattr(section, name) for name in (*_SECTION_LISTS, "center_of_mass")}
             inherited["inertia"] = section.resolved_inertia()
+    elif steps[0] == "sensors":
+        _state_in_radians(mapping.setdefault("sensors", {}), "camera_rotation")
+        inherited = dict.fromkeys(_SENSORS_VECTORS, (0.0, 0.0, 0.0))
     else:
+        if steps[0] == "length_sensor":
+            _state_in_radians(mapping["length_sensor"][int(steps[1]) - 1], "angle")
         inherited = {name: getattr(parameters, name) for name in _ARM_VECTORS}
     holder, name, place = table_of(mapping, ".".join(steps))
     if place is None:
@@ -230,16 +312,40 @@ def _set(parameters: ArmParameters, mapping: dict[str, Any], steps: list[str], v
     holder[name] = entries
 
 
+def _state_in_radians(table: dict[str, Any], name: str) -> None:
+    """State an angle (or vector of angles) that a table has in degrees in rad, with its provenance."""
+    degrees = f"{name}_deg"
+    if degrees not in table:
+        return
+    table[name] = _radians(table.pop(degrees))
+    entry = table.get("provenance", {}).pop(degrees, None)
+    if entry is not None:
+        if isinstance(entry, dict):
+            entry = {k: _radians(v) if k in ("ci95", "standard_error") else v for k, v in entry.items()}
+        table["provenance"][name] = entry
+
+
+def _radians(value: Any) -> Any:
+    return [_radians(entry) for entry in value] if isinstance(value, list | tuple) else math.radians(value)
+
+
 def _section(parameters: ArmParameters, number: str, path: str) -> tuple[Any, int]:
-    if not (number.isdigit() and 0 < int(number) <= len(parameters.sections)):
+    index = _index(number, len(parameters.sections))
+    if index is None:
         raise _unknown(parameters, path)
-    return parameters.sections[int(number) - 1], int(number)
+    return parameters.sections[index], index + 1
+
+
+def _index(text: str, count: int) -> int | None:
+    """Index from 0 of a number from 1 to ``count`` that is written in plain digits; None for all else."""
+    plain = text.isascii() and text.isdecimal() and not text.startswith("0") and len(text) <= len(str(count))
+    return int(text) - 1 if plain and int(text) <= count else None
 
 
 def _entry(parameters: ArmParameters, path: str, name: str, value: Any, rest: list[str]) -> float:
     if isinstance(value, tuple):
-        if len(rest) == 1 and name in _TERMS and rest[0].isdigit() and 0 < int(rest[0]) <= _TERMS[name]:
-            return float(value[int(rest[0]) - 1]) if int(rest[0]) <= len(value) else 0.0
+        if len(rest) == 1 and name in _TERMS and (term := _index(rest[0], _TERMS[name])) is not None:
+            return float(value[term]) if term < len(value) else 0.0
         if len(rest) == 1 and name in _SECTION_VECTORS and rest[0] in AXES:
             return float(value[AXES.index(rest[0])])
     elif not rest and value is not None:
@@ -248,7 +354,7 @@ def _entry(parameters: ArmParameters, path: str, name: str, value: Any, rest: li
 
 
 def _unknown(parameters: ArmParameters, path: str) -> ParameterError:
-    return ParameterError(f"{parameters.name}: no parameter {path!r}{nearest(path, available(parameters))}")
+    return ParameterError(f"{parameters.name}: no parameter {path[:200]!r}{nearest(path, available(parameters))}")
 
 
 def _effects(mapping: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -98,7 +98,7 @@ def check_provenance(entries: dict[str, Provenance], values: dict[str, Any]) -> 
     for name, entry in entries.items():
         if name not in values:
             message = "there is no such value in this table" + nearest(name, list(values))
-            raise table_error(message, f"provenance.{name}")
+            raise table_error(message, ("provenance", name))
         value = values[name]
         expected = len(value) if isinstance(value, tuple) else None
         if entry.ci95 is not None:
@@ -114,4 +114,4 @@ def _check_count(name: str, statistic: str, found: int | None, expected: int | N
     if found != expected:
         texts = ("a single one" if count is None else f"a list of {count}" for count in (found, expected))
         message = "found {}; allowed: {}, as the value has".format(*texts)
-        raise table_error(message, f"provenance.{name}.{statistic}")
+        raise table_error(message, ("provenance", name, statistic))

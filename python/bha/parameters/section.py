@@ -12,7 +12,7 @@ cubic term of the bending moment go beyond the paper.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, Self, TypeVar
 
@@ -38,6 +38,8 @@ from bha.parameters.provenance import ProvenanceTable, check_provenance, provena
 T = TypeVar("T")
 
 STANDARD_ANGLES_DEG = (0.0, 120.0, 240.0)
+# Angles written in radians are rounded.
+_SAME_ANGLE = 1e-6
 # Made once: checking these tables again and again took a third of the time in which an arm is built.
 _STANDARD_BELLOWS = tuple(BellowsParameters(angle_deg=angle) for angle in STANDARD_ANGLES_DEG)
 
@@ -109,6 +111,14 @@ class SectionParameters(Table):
         lateral = self.mass * (radius_squared / 4 + mean_length**2 / 12)
         return (lateral, lateral, self.mass * radius_squared / 2)
 
+    @property
+    def has_standard_bellows(self) -> bool:
+        """Whether its bellows are three at 0, 120, 240 degrees and ``bellows_radius``, as the coordinates are."""
+        if self.bellows is None:
+            return True
+        places = [(bellows.angle_rad, _inherit(bellows.radius, self.bellows_radius)) for bellows in self.bellows]
+        return are_standard_bellows(places, self.bellows_radius)
+
     def implausible(self) -> str | None:
         """What is allowed in this section, but physically impossible; None if nothing is."""
         moments = self.resolved_inertia()
@@ -151,6 +161,15 @@ class SectionParameters(Table):
             )
             for number, bellows in enumerate(stated, start=1)
         )
+
+
+def are_standard_bellows(places: Sequence[tuple[float, float]], bellows_radius: float) -> bool:
+    """Whether bellows at these angles, rad, and radii, m, are at 0, 120 and 240 degrees and ``bellows_radius``."""
+    return len(places) == len(STANDARD_ANGLES_DEG) and all(
+        abs(math.remainder(angle - math.radians(standard), 2 * math.pi)) < _SAME_ANGLE
+        and math.isclose(radius, bellows_radius, rel_tol=_SAME_ANGLE)
+        for (angle, radius), standard in zip(places, STANDARD_ANGLES_DEG, strict=True)
+    )
 
 
 @lru_cache(maxsize=256)

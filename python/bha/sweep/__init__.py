@@ -22,6 +22,7 @@ from bha.sweep import folder as storage
 from bha.sweep.cluster import on_cluster
 from bha.sweep.execute import on_this_computer
 from bha.sweep.metrics import METRICS, Metric
+from bha.sweep.partitions import partitions, read_partition, write_partition
 from bha.sweep.plan import AnySpec, Plan, make_plan
 from bha.sweep.spec import SweepSpec
 from bha.sweep.summary import Summary, summarize
@@ -66,18 +67,21 @@ def run(
     Returns:
         What is now in the folder.
 
+    Warns:
+        FileWarning: a file in the folder is damaged and is made anew.
+
     Raises:
         ParameterError: the spec is not valid; the text names file, line, key, found, allowed.
         LogError: a log cannot be read.
         InputError: the folder holds something else, or another process writes there; ``threads`` and ``dask`` together.
+        FileError: the folder or a file in it cannot be written.
         MissingExtraError: pyarrow, or with ``dask`` dask, is not installed.
     """
     if threads is not None and dask is not None:
         raise InputError("threads and dask: found both; allowed: one of them, for workers bring their own threads")
     import_extra("pyarrow.parquet", extra="sweep", purpose="A sweep")
     target = Path(out)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file; name a folder")
+    storage.check_vacant(target)
     made = make_plan(spec, instruction_set=_instruction_set(target))
     with storage.locked(target), warnings.catch_warnings():
         # Once a run it warns nobody; the numbers that were drawn stand in the table.
@@ -95,7 +99,7 @@ def run(
 
         tick(0)
         for partition, table in _tables(made, missing, threads, dask, tick):
-            storage.write_partition(target, made, partition, table)
+            write_partition(target, made, partition, table)
     return summarize(target)
 
 
@@ -107,16 +111,18 @@ def read(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> A
         columns: names of the columns to read; all if None.
 
     Raises:
-        InputError: the folder holds no sweep, or no such column.
+        InputError: the folder holds no sweep, or no such column; a file in it is damaged.
+        FileError: a file cannot be read.
         MissingExtraError: pyarrow is not installed.
     """
     arrow = import_extra("pyarrow", extra="sweep", purpose="A sweep")
-    found = storage.manifest(Path(out))
+    folder = Path(out)
+    found = storage.manifest(folder)
     for name in columns or ():
-        if name not in found["columns"]:
-            raise InputError(f"{out}: no column {name!r}; allowed: {', '.join(found['columns'])}")
+        if name not in found.columns:
+            raise InputError(f"{out}: no column {name!r}; allowed: {', '.join(found.columns)}")
     names = None if columns is None else list(columns)
-    tables = [storage.read_partition(Path(out), partition, names) for partition in storage.partitions(Path(out))]
+    tables = [read_partition(folder, partition, found.fingerprint, names) for partition in partitions(folder)]
     if not tables:
         raise InputError(f"{out}: has no finished partition yet")
     return arrow.concat_tables([table.replace_schema_metadata(None) for table in tables])
@@ -124,9 +130,9 @@ def read(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> A
 
 def _instruction_set(folder: Path) -> str | None:
     """What the sweep in a folder was started with: another computer goes on with the same."""
-    if not (folder / storage.MANIFEST).exists():
+    if not os.path.exists(folder / storage.MANIFEST):
         return None
-    return str(storage.manifest(folder)["parts"]["instruction set"])
+    return storage.manifest(folder, checked=False).parts.get("instruction set")
 
 
 def _tables(

@@ -6,10 +6,12 @@ its partition with it, and the scheduler gives that to another one: it is writte
 
 from __future__ import annotations
 
+import re
 import secrets
 import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from itertools import islice
 from typing import Any
 
@@ -23,6 +25,8 @@ from bha.sweep.plan import Plan
 #: Partitions under way for each thread of the workers: one computed, one waiting.
 _AHEAD = 2
 _TIMEOUT = "15s"
+_LOST = "the Dask scheduler was lost; start it again, and run the sweep again to go on from the finished partitions"
+_ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|ucxx|wss?)://)?(?:[^\s:/@\[\]]+|\[[0-9A-Fa-f:.%]+\]):\d{1,5}|inproc://\S+")
 
 
 def on_cluster(plan: Plan, wanted: Iterable[int], address: str, tick: Tick) -> Iterator[tuple[int, dict[str, Any]]]:
@@ -39,6 +43,9 @@ def on_cluster(plan: Plan, wanted: Iterable[int], address: str, tick: Tick) -> I
         MissingExtraError: dask is not installed.
     """
     distributed = import_extra("distributed", extra="dask", purpose="A sweep on a Dask cluster")
+    # A client that never gets as far as to connect waits for itself for half a minute when it is thrown away.
+    if not _ADDRESS.fullmatch(address):
+        raise InputError(f"dask: found {address!r}; allowed: the address of a scheduler, as in tcp://host:8786")
     try:
         client = distributed.Client(address, timeout=_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -58,10 +65,11 @@ def on_cluster(plan: Plan, wanted: Iterable[int], address: str, tick: Tick) -> I
             threads = int(sum(client.nthreads().values()))
             return max(_AHEAD * threads, 1)
 
-        first = {submit(partition): partition for partition in islice(rest, room())}
-        under_way = dict(first)
-        done = distributed.as_completed(list(first), loop=client.loop)
+        under_way: dict[Any, int] = {}
         try:
+            first = {submit(partition): partition for partition in islice(rest, room())}
+            under_way |= first
+            done = distributed.as_completed(list(first), loop=client.loop)
             for future in done:
                 partition = under_way.pop(future)
                 table = _result(distributed, future, partition)
@@ -72,8 +80,11 @@ def on_cluster(plan: Plan, wanted: Iterable[int], address: str, tick: Tick) -> I
                     done.add(task)
                 tick(len(table["run"]))
                 yield partition, table
+        except (distributed.comm.CommClosedError, TimeoutError) as error:
+            raise InputError(_LOST) from error
         finally:
-            client.cancel([*under_way, shared], force=True)
+            with suppress(OSError):  # a scheduler that is lost has nothing to cancel
+                client.cancel([*under_way, shared], force=True)
 
 
 def _same(plan: Plan) -> Plan:
@@ -101,7 +112,5 @@ def _result(distributed: Any, future: Any, partition: int) -> dict[str, Any]:
     except ImportError as error:
         raise InputError(f"a worker cannot do the work: {error}; install bha there, in the same version") from error
     except (CancelledError, distributed.CancelledError) as error:
-        raise InputError(
-            "the Dask scheduler was lost; start it again, and run the sweep again to go on from the finished partitions"
-        ) from error
+        raise InputError(_LOST) from error
     return table

@@ -25,6 +25,8 @@ _STANDARD_NORMAL = NormalDist()
 #: Least probability of the range that a normal distribution is cut to; below it the inverse loses its digits.
 _LEAST_SHARE = 1e-9
 
+_LARGEST_EXPONENT = 709.0
+
 #: Keys that each distribution needs, and those that it may have beside them.
 _DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "uniform": (("low", "high"), ()),
@@ -32,6 +34,13 @@ _DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "normal": (("mean", "standard_deviation"), ("low", "high")),
     "log_normal": (("median", "log_standard_deviation"), ("low", "high")),
     "choice": (("values",), ("weights",)),
+}
+#: The key that makes draws of a distribution as large or small as they are, and what they stay above.
+_SPREAD = {
+    "uniform": ("high", -math.inf),
+    "log_uniform": ("high", 0.0),
+    "normal": ("standard_deviation", -math.inf),
+    "log_normal": ("log_standard_deviation", 0.0),
 }
 _KEYS = (
     "low",
@@ -99,11 +108,30 @@ def _number_faults(variable: Variable) -> Iterator[tuple[str, str]]:
             yield "values", "missing; needed with weights"
         if len(variable.weights) != len(values) or sum(variable.weights) <= 0:
             yield "weights", f"found {list(variable.weights)}; allowed: {len(values)} numbers >= 0, not all zero"
+        if not math.isfinite(sum(variable.weights)):
+            yield "weights", f"found {list(variable.weights)}; allowed: numbers whose sum is finite"
     if variable.distribution in ("normal", "log_normal"):
         below, above, _ = _cut(variable)
-        if above - below < _LEAST_SHARE:
+        if not above - below >= _LEAST_SHARE:
             share = f"low and high leave {above - below:.1e} of the distribution"
             yield "low", f"{share}; allowed: at least {_LEAST_SHARE}"
+    if fault := _range_fault(variable):
+        yield fault
+
+
+def _range_fault(variable: Variable) -> tuple[str, str] | None:
+    """The key whose number makes numbers that no computer can hold."""
+    if variable.distribution in _SPREAD:
+        key, least = _SPREAD[variable.distribution]
+        extremes = [quantile(variable, u) for u in (2.0**-53, 1.0 - 2.0**-53)]
+        if not all(least < number < math.inf for number in extremes):
+            spread = f"draws from {extremes[0]:.3g} to {extremes[1]:.3g}"
+            return key, f"found {getattr(variable, key)}: {spread}; allowed: what makes finite numbers"
+    elif variable.low is not None and variable.high is not None and variable.count is not None:
+        inside = _on_grid(variable, np.array([0, max(variable.count - 2, 0)]))
+        if not np.isfinite(inside).all():
+            return "high", f"found {variable.high} and low = {variable.low}; allowed: a range that is a finite number"
+    return None
 
 
 def levels(variable: Variable) -> int:
@@ -111,16 +139,29 @@ def levels(variable: Variable) -> int:
     return len(variable.values) if variable.values is not None else variable.count or 0
 
 
-def grid_values(variable: Variable) -> Array:
-    """The numbers of a variable of a grid, in order."""
+def grid_values(variable: Variable, places: NDArray[np.integer]) -> Array:
+    """The numbers of a variable of a grid at some places, from 0, of its list.
+
+    Computed place by place: a range may have more of them than memory holds.
+    """
     if variable.values is not None:
-        return np.array([float(value) for value in variable.values])
-    assert variable.low is not None
-    assert variable.high is not None
-    assert variable.count is not None
-    if variable.count == 1:
-        return np.array([variable.low])
-    return (np.geomspace if variable.spacing == "log" else np.linspace)(variable.low, variable.high, variable.count)
+        return np.asarray([float(variable.values[place]) for place in places])
+    return _on_grid(variable, places)
+
+
+def _on_grid(variable: Variable, places: NDArray[np.integer]) -> Array:
+    """Like ``numpy.linspace`` and ``numpy.geomspace``, whose ends are exact."""
+    low, high, count = variable.low, variable.high, variable.count
+    assert low is not None
+    assert high is not None
+    assert count is not None
+    with np.errstate(over="ignore", invalid="ignore"):
+        if variable.spacing == "log":
+            start, stop = np.log10(low), np.log10(high)
+            values = np.power(10.0, places * ((stop - start) / max(count - 1, 1)) + start)
+        else:
+            values = places * ((high - low) / max(count - 1, 1)) + low
+    return np.where(places == 0, low, np.where(places == count - 1, high, values))
 
 
 def grid_rows(sizes: Sequence[int], first: int, count: int) -> NDArray[np.int64]:
@@ -169,14 +210,15 @@ def quantile(variable: Variable, u: float) -> float:
         case "log_uniform":
             assert low is not None
             assert high is not None
-            return min(max(low * math.pow(high / low, u), low), high)
+            ratio = high / low
+            return min(max(low * math.pow(ratio, u), low), high) if ratio < math.inf else math.inf
         case "normal" | "log_normal":
             below, above, sign = _cut(variable)
             share = below + (u if sign > 0 else 1.0 - u) * (above - below)
             centre, width = _normal_of(variable)
             value = centre + sign * width * _STANDARD_NORMAL.inv_cdf(min(max(share, 2.0**-1000), 1.0 - 2.0**-53))
             if variable.distribution == "log_normal":
-                value = math.exp(value)
+                value = math.exp(value) if value < _LARGEST_EXPONENT else math.inf
             value = value if low is None else max(value, low)
             return value if high is None else min(value, high)
         case "choice":

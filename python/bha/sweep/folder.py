@@ -1,56 +1,146 @@
 """The folder of a sweep: what it is a sweep of, its partitions, and who may write there.
 
 ``sweep.json`` says what the results follow from; ``part-000000.parquet`` and so on hold the runs, each whole or not
-there. What is there is never computed again, and nothing else is read back, so a sweep goes on from any end.
+there. What is there and whole is never computed again, and nothing else is read back, so a sweep goes on from any end.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
+import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
 
-from bha.errors import InputError
-from bha.extras import import_extra
-from bha.files import written_whole
+from bha.errors import FileError, FileWarning, InputError, way_out
+from bha.files import UNFINISHED, make_folder, written_whole
+from bha.locks import locked as process_locked
 from bha.sweep.group import columns
+from bha.sweep.partitions import DamagedError, check_partition, partition_path, partitions
 from bha.sweep.plan import Plan
 
 MANIFEST = "sweep.json"
 SCHEMA = "bha-sweep-run/1"
-_PARTITION = re.compile(r"part-(\d{6,})\.parquet")
-# What `written_whole` leaves where it is killed.
-_LEFTOVER = re.compile(r"\.[0-9a-f]{8}\.(sweep\.json|part-\d{6,}\.parquet)")
 _LOCK = ".lock"
+# What `written_whole` leaves where it is killed, this version's and those before it.
+_LEFTOVER = re.compile(rf"(?:{re.escape(UNFINISHED)}[^.]*|\.[0-9a-f]{{8}})\.(?:sweep\.json|part-\d{{6,}}\.parquet)")
+
+_Count = Annotated[int, Field(strict=True, ge=1)]
 
 
-def partition_path(folder: Path, partition: int) -> Path:
-    """The file of a partition."""
-    return folder / f"part-{partition:06d}.parquet"
+class _Column(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    unit: str
+    meaning: str
 
 
-def manifest(folder: Path) -> dict[str, Any]:
+class _Metrics(BaseModel):
+    """Of the spec what a summary needs; the rest is for people."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    metrics: list[str]
+
+
+class Manifest(BaseModel):
+    """What ``sweep.json`` says; ``checksum`` is that of all the rest."""
+
+    model_config = ConfigDict(strict=True)
+
+    schema_name: Literal["bha-sweep-run/1"] = Field(alias="schema")
+    fingerprint: str
+    parts: dict[str, str]
+    runs: _Count
+    partition_size: _Count
+    partitions: _Count
+    arm: str
+    columns: dict[str, _Column]
+    spec: _Metrics
+    checksum: str = ""
+    _whole: bool = PrivateAttr(default=False)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the checksum is right."""
+        return self._whole
+
+
+def manifest(folder: Path, *, checked: bool = True) -> Manifest:
     """What ``sweep.json`` says.
 
+    Args:
+        folder: of the sweep.
+        checked: whether its checksum must be right. Whoever compares it with a plan needs none.
+
     Raises:
-        InputError: there is none, or it is none of this version.
+        InputError: there is none, it is none of this version, or it is damaged.
+        FileError: it cannot be read.
     """
     path = folder / MANIFEST
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
+        content = path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError(f"{folder}: holds no sweep: there is no {MANIFEST}") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    if not isinstance(found, dict) or found.get("schema") != SCHEMA:
-        raise InputError(f'{path}: schema: allowed: "{SCHEMA}"; the folder was written by another version of bha')
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {way_out(error)}") from error
+    try:
+        mapping = json.loads(content)
+        if not isinstance(mapping, dict) or mapping.get("schema") != SCHEMA:
+            raise InputError(f'{path}: schema: allowed: "{SCHEMA}"; {_MEND}')
+        found = Manifest.model_validate(mapping)
+        found._whole = found.checksum == _checksum(mapping)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        text = f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}"
+        raise InputError(f"{path}: is damaged: {text}; {_MEND}") from error
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        text = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise InputError(f"{path}: is damaged: {text}; {_MEND}") from error
+    if checked and not found.whole:
+        raise InputError(f"{path}: is damaged (its checksum is wrong); {_MEND}")
     return found
+
+
+_MEND = f"remove {MANIFEST}, and the same sweep goes on from its partitions, or name another folder"
+
+
+def _checksum(mapping: Mapping[str, Any]) -> str:
+    """Of everything but the checksum itself."""
+    rest = {key: value for key, value in mapping.items() if key != "checksum"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def check_vacant(folder: Path) -> None:
+    """Check that nothing but what sweeps write is in a folder; nothing is made or changed.
+
+    Raises:
+        InputError: something else is there.
+        FileError: the folder cannot be read.
+    """
+    try:
+        there = sorted(os.listdir(folder))
+    except FileNotFoundError:
+        return
+    except NotADirectoryError as error:
+        what = "is a file" if folder.exists() else "lies below a file"
+        raise InputError(f"{folder}: {what}; name a folder") from error
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be read: {way_out(error)}") from error
+    if MANIFEST in there:
+        return
+    ours = {partition_path(folder, number).name for number in partitions(folder)} | {_LOCK}
+    others = [name for name in there if name not in ours and not _LEFTOVER.fullmatch(name)]
+    if others:
+        raise InputError(f"{folder}: holds {others[0]} and no sweep; name a folder that is empty or new")
 
 
 def prepare(folder: Path, plan: Plan) -> None:
@@ -58,24 +148,27 @@ def prepare(folder: Path, plan: Plan) -> None:
 
     Raises:
         InputError: it is that of another sweep, or holds something else.
+        FileError: it cannot be written.
     """
-    for path in folder.iterdir():
-        if _LEFTOVER.fullmatch(path.name):
-            path.unlink()
-    if not (folder / MANIFEST).exists():
-        others = sorted(path.name for path in folder.iterdir() if path.name != _LOCK)
-        if others:
-            raise InputError(f"{folder}: holds {others[0]} and no sweep; name a folder that is empty or new")
-        _write_manifest(folder, plan)
-        return
-    found = manifest(folder)
-    if found["fingerprint"] != plan.fingerprint:
-        raise InputError(_difference(folder, found["parts"], plan.parts))
-    if found["partition_size"] != plan.spec.partition_size:
-        raise InputError(
-            f"{folder}: its partitions have {found['partition_size']} runs, the spec wants {plan.spec.partition_size}; "
-            "set partition_size back, or name another folder"
-        )
+    check_vacant(folder)
+    if (folder / MANIFEST).exists():
+        found = manifest(folder, checked=False)
+        if found.fingerprint != plan.fingerprint:
+            raise InputError(_difference(folder, found.parts, plan.parts))
+        if found.partition_size != plan.spec.partition_size:
+            text = (
+                f"{folder}: its partitions have {found.partition_size} runs, the spec wants {plan.spec.partition_size}"
+            )
+            raise InputError(f"{text}; set partition_size back, or name another folder")
+        if found.whole:
+            return
+        text = f"{folder / MANIFEST}: is damaged (its checksum is wrong); it is written again"
+        warnings.warn(text, FileWarning, stacklevel=2)
+    with written_whole(folder / MANIFEST) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(json.dumps(_content(plan), indent=1) + "\n")
+        # A file that has its name after a power failure has its content too.
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _difference(folder: Path, found: Mapping[str, str], wanted: Mapping[str, str]) -> str:
@@ -86,11 +179,11 @@ def _difference(folder: Path, found: Mapping[str, str], wanted: Mapping[str, str
         f"{name} ({shown(found.get(name))} there, {shown(wanted.get(name))} here)"
         for name in dict.fromkeys([*found, *wanted])
         if found.get(name) != wanted.get(name)
-    ]
+    ] or ["the fingerprint"]
     return f"{folder}: holds another sweep; these differ: {', '.join(differ)}. Name another folder, or remove this one"
 
 
-def _write_manifest(folder: Path, plan: Plan) -> None:
+def _content(plan: Plan) -> dict[str, Any]:
     content = {
         "schema": SCHEMA,
         "fingerprint": plan.fingerprint,
@@ -102,99 +195,50 @@ def _write_manifest(folder: Path, plan: Plan) -> None:
         "columns": {name: {"unit": unit, "meaning": meaning} for name, (_, unit, meaning) in columns(plan).items()},
         "spec": plan.spec.to_mapping(),
     }
-    with written_whole(folder / MANIFEST) as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8", newline="\n")
-        _to_disk(temporary)
-
-
-def _to_disk(path: Path) -> None:
-    """A file that has its name after a power failure has its content too."""
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
-
-
-def write_partition(folder: Path, plan: Plan, partition: int, table: Mapping[str, Any]) -> None:
-    """Write the runs of a partition, whole or not at all."""
-    arrow = import_extra("pyarrow", extra="sweep", purpose="A sweep")
-    parquet = import_extra("pyarrow.parquet", extra="sweep", purpose="A sweep")
-    types = {int: arrow.int64(), float: arrow.float64(), str: arrow.string()}
-    fields = [
-        arrow.field(name, types[kind], metadata={"unit": unit, "meaning": meaning})
-        for name, (kind, unit, meaning) in columns(plan).items()
-    ]
-    schema = arrow.schema(fields, metadata={"bha.fingerprint": plan.fingerprint, "bha.partition": str(partition)})
-    arrays = [arrow.array(table[field.name], field.type, from_pandas=False) for field in schema]
-    with written_whole(partition_path(folder, partition)) as temporary:
-        parquet.write_table(arrow.Table.from_arrays(arrays, schema=schema), temporary, compression="zstd")
-        _to_disk(temporary)
+    return content | {"checksum": _checksum(content)}
 
 
 def checked_partitions(folder: Path, plan: Plan) -> set[int]:
-    """The partitions that are there, each looked at whether it is one of this sweep.
+    """The partitions that are there and whole, each looked at whether it is one of this sweep.
+
+    What killed processes left is removed. Call with the lock held.
 
     Raises:
         InputError: a file that bears the name of a partition is not one of this sweep.
+        FileError: one cannot be read.
+
+    Warns:
+        FileWarning: a partition is damaged and counts as not there.
     """
-    there = set(partitions(folder))
-    for partition in there:
-        path = partition_path(folder, partition)
-        rows, metadata = _footer(path)
+    with suppress(OSError):  # what cannot be removed does no harm
+        for name in os.listdir(folder):
+            if _LEFTOVER.fullmatch(name) and (folder / name).is_file() and not (folder / name).is_symlink():
+                (folder / name).unlink()
+    whole = set()
+    for partition in partitions(folder):
         runs = len(plan.runs_of(partition)) if partition < plan.partitions else None
-        expected = {b"bha.fingerprint": plan.fingerprint.encode(), b"bha.partition": str(partition).encode()}
-        if runs != rows or any(metadata.get(key) != value for key, value in expected.items()):
-            raise InputError(f"{path}: is no partition of this sweep; remove it, and its runs are computed again")
-    return there
-
-
-def partitions(folder: Path) -> list[int]:
-    """The partitions that are there, in order."""
-    found = (_PARTITION.fullmatch(path.name) for path in folder.iterdir())
-    return sorted(int(name[1]) for name in found if name)
-
-
-def _footer(path: Path) -> tuple[int, dict[bytes, bytes]]:
-    parquet = import_extra("pyarrow.parquet", extra="sweep", purpose="A sweep")
-    try:
-        metadata = parquet.read_metadata(path)
-    except (OSError, ValueError) as error:  # pyarrow's own errors are subclasses of these
-        raise InputError(f"{path}: cannot be read; remove it, and its runs are computed again") from error
-    return int(metadata.num_rows), dict(metadata.metadata or {})
-
-
-def read_partition(folder: Path, partition: int, names: list[str] | None = None) -> Any:
-    """A partition as a ``pyarrow.Table``, or some of its columns."""
-    parquet = import_extra("pyarrow.parquet", extra="sweep", purpose="A sweep")
-    return parquet.read_table(partition_path(folder, partition), columns=names, partitioning=None)
-
-
-def numbers(table: Any, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """A column of numbers of a ``pyarrow.Table``."""
-    return np.asarray(table.column(name).to_numpy(), dtype=np.float64)
+        try:
+            check_partition(folder, partition, plan.fingerprint, runs)
+        except DamagedError:
+            path = partition_path(folder, partition)
+            if runs is None:  # nobody would compute it again
+                raise
+            text = f"{path}: is damaged or cut off (its checksum is wrong); its runs are computed again"
+            warnings.warn(text, FileWarning, stacklevel=2)
+        else:
+            whole.add(partition)
+    return whole
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other sweeps out of a folder; the system lets go of it however this process ends.
+    """Keep other sweeps out of a folder, which is made if it is not there.
 
     Raises:
-        InputError: another process is at it.
+        InputError: another process is at it, or something else is in the folder.
+        FileError: the folder cannot be made or written to.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / _LOCK).open("a+b") as file:
-        try:
-            _lock(file.fileno())
-        except OSError as error:
-            raise InputError(f"{folder}: another process is running a sweep there; wait for it or end it") from error
+    check_vacant(folder)
+    make_folder(folder)
+    with process_locked(folder / _LOCK, "a sweep"):
         yield
-
-
-if os.name == "nt":
-    import msvcrt
-
-    def _lock(descriptor: int) -> None:
-        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-else:
-    import fcntl
-
-    def _lock(descriptor: int) -> None:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

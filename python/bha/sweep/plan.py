@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from bha import _core, robots
 from bha.arm import Arm
-from bha.log import Log
 from bha.parameters import ArmParameters
+from bha.parameters.messages import shown
+from bha.recordings import Recording, recordings
 from bha.simulation import Input
-from bha.sweep.draws import grid_rows, grid_values, monte_carlo_rows
+from bha.sweep.draws import grid_rows, grid_values, levels, monte_carlo_rows
 from bha.sweep.spec import GROUP, SweepSpec, Variable
 from bha.sweep.targets import Target, target_of
 
@@ -28,6 +29,8 @@ AnySpec = SweepSpec | str | os.PathLike[str] | Mapping[str, Any]
 
 #: Memory that the rows and inputs of runs simulated in one call may take, bytes.
 GROUP_BYTES = 32 << 20
+#: Memory that the rows of one run may take, bytes.
+RUN_BYTES = 1 << 29
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ class Plan:
         digit need calls that are the same whatever the partitions, threads and workers.
         """
         rows = max(len(times) for times in self.times)
-        numbers = 3 * rows * 3 * self.arm.section_count
+        numbers = rows * _numbers_a_row(self.arm)
         if any(target.kind in ("amplitude", "offset") for target in self.targets):
             numbers += max(drive.pressures.size for drive in self.inputs)
         size = GROUP
@@ -98,17 +101,17 @@ class Plan:
             rows = monte_carlo_rows(self.variables, self.spec.seed, first, count)
             for column, variable in enumerate(self.variables):
                 if variable.distribution == "choice":
-                    rows[:, column] = self._values(column)[rows[:, column].astype(np.intp)]
+                    rows[:, column] = self._values(column, rows[:, column].astype(np.intp))
             return rows
-        values = [self._values(column) for column in range(len(self.variables))]
-        places = grid_rows([len(v) for v in values], first, count)
-        return np.column_stack([v[places[:, column]] for column, v in enumerate(values)])
+        places = grid_rows([levels(variable) for variable in self.variables], first, count)
+        return np.column_stack([self._values(column, places[:, column]) for column in range(len(self.variables))])
 
-    def _values(self, column: int) -> Array:
+    def _values(self, column: int, places: NDArray[np.integer]) -> Array:
         variable = self.variables[column]
         if variable.is_text:
-            return np.array([float(self.input_names.index(str(name))) for name in variable.values or ()])
-        return grid_values(variable)
+            order = [float(self.input_names.index(str(name))) for name in variable.values or ()]
+            return np.array([order[place] for place in places])
+        return grid_values(variable, places)
 
 
 def make_plan(spec: AnySpec, *, instruction_set: str | None = None) -> Plan:
@@ -126,15 +129,20 @@ def make_plan(spec: AnySpec, *, instruction_set: str | None = None) -> Plan:
     if not isinstance(spec, SweepSpec):
         spec = SweepSpec.from_mapping(spec) if isinstance(spec, Mapping) else SweepSpec.read(spec)
     arm = _arm(spec)
-    inputs, hashes = _inputs(spec, arm)
-    if spec.input.logs is not None and not spec.input.commanded and arm.pneumatics_level != "ideal":
-        arm = arm.with_changes(pneumatics="ideal")  # measured pressures act as they are
+    recorded = _recordings(spec, arm)
+    inputs, hashes = _inputs(spec, arm, recorded)
+    arm = recorded[0].acting if recorded else arm  # measured pressures act as they are
     logs = spec.input.logs or ()
     arm = Arm(_bare(arm.parameters))
     variables = tuple(
         v.model_copy(update={"values": logs}) if v.is_text and v.values is None else v for v in spec.variables
     )
     targets = tuple(target_of(spec, arm, number, variable) for number, variable in enumerate(variables))
+    gauge = [recording.name for recording in recorded if recording.pressures.gauge]
+    for number, variable in enumerate(spec.variables):
+        if gauge and variable.what == "ambient_pressure":
+            text = f"found ambient_pressure, but {gauge[0]} has gauge pressures, which move with it; allowed: logs of "
+            raise spec.fault(("vary", number, "what"), text + "absolute pressures")
     _check_initial(spec, arm, targets)
     chosen = spec.simulation.instruction_set or instruction_set or _core.instruction_sets()[-1]
     mapping = spec.to_mapping()
@@ -148,22 +156,39 @@ def make_plan(spec: AnySpec, *, instruction_set: str | None = None) -> Plan:
         "package version": _core.__version__,
         "instruction set": chosen,
     }
-    plan = Plan(spec, variables, targets, arm, inputs, logs, spec.run_count, chosen, parts)
-    for number, times in enumerate(plan.times):
-        if len(times) < 2:
-            key = ("simulation", "dt")
-            raise spec.fault(key, f"found {spec.simulation.dt}; allowed: at most the duration of {_name(logs, number)}")
-    return plan
+    for number, drive in enumerate(inputs):
+        _check_rows(spec, arm, drive, _name(logs, number))
+    return Plan(spec, variables, targets, arm, inputs, logs, spec.run_count, chosen, parts)
+
+
+def _check_rows(spec: SweepSpec, arm: Arm, drive: Input, name: str) -> None:
+    """Check that a run has rows, and no more than memory holds; before there are any."""
+    dt, most = spec.simulation.dt, RUN_BYTES // (8 * _numbers_a_row(arm))
+    span = float(drive.time[-1] - drive.time[0])
+    key = ("simulation", "dt")
+    if not span / dt + 1.0 <= most:
+        raise spec.fault(
+            key,
+            f"found {dt}: a run of {span:g} s under {name} would have {span / dt:.3g} rows; "
+            f"allowed: at most {most}; make dt longer or the duration shorter",
+        )
+    if len(_rows(drive, dt)) < 2:
+        raise spec.fault(key, f"found {dt}; allowed: at most the duration of {name}")
+
+
+def _numbers_a_row(arm: Arm) -> int:
+    """Numbers in a row of a run while it is simulated: lengths, rates, positions."""
+    return 3 * 3 * arm.section_count
 
 
 def _arm(spec: SweepSpec) -> Arm:
     path = spec.folder / spec.arm
-    if path.exists():
+    if os.path.exists(path):
         return Arm.load(path)
     if spec.arm in robots.names():
         return robots.load(spec.arm)
     ships = ", ".join(robots.names())
-    raise spec.fault(("arm",), f'found "{spec.arm}"; allowed: a file that exists (from {spec.folder}), or {ships}')
+    raise spec.fault(("arm",), f"found {shown(spec.arm)}; allowed: a file that exists (from {spec.folder}), or {ships}")
 
 
 def _bare(parameters: ArmParameters) -> ArmParameters:
@@ -176,27 +201,31 @@ def _bare(parameters: ArmParameters) -> ArmParameters:
     return ArmParameters.from_mapping(mapping, origin=parameters.name)
 
 
-def _inputs(spec: SweepSpec, arm: Arm) -> tuple[tuple[Input, ...], list[str]]:
+def _recordings(spec: SweepSpec, arm: Arm) -> list[Recording]:
+    """The logs as the arm sees them, all with the same sort of pressures."""
+    paths = [spec.folder / name for name in spec.input.logs or ()]
+    for name, path in zip(spec.input.logs or (), paths, strict=True):
+        if not os.path.exists(path):
+            raise spec.fault(("input", "logs"), f"found {shown(name)}; allowed: files that exist (from {spec.folder})")
+    return recordings(arm, paths, pressures=spec.input.log_pressures)
+
+
+def _inputs(spec: SweepSpec, arm: Arm, recorded: Sequence[Recording]) -> tuple[tuple[Input, ...], list[str]]:
     duration = spec.simulation.duration
     if spec.input.pressures is not None:
         assert duration is not None
         _check_length(spec, ("input", "pressures"), spec.input.pressures, len(arm.inputs), "inputs")
         return (Input.constant(spec.input.pressures, duration),), []
     inputs, hashes = [], []
-    for number, name in enumerate(spec.input.logs or ()):
-        path = spec.folder / name
-        try:
-            log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure)
-            drive = Input.from_log(arm, log, commanded=spec.input.commanded)
-        except OSError as error:
-            raise spec.fault(("input", "logs"), f'found "{name}": {path}: {error.strerror}') from error
+    for number, recording in enumerate(recorded):
+        drive = recording.drive
         if duration is not None:
             if drive.time[0] + duration > drive.time[-1] + 1e-9 * duration:
                 span = f"{_name(spec.input.logs or (), number)} has {drive.time[-1] - drive.time[0]:g} s"
                 raise spec.fault(("simulation", "duration"), f"found {duration}; {span}; allowed: at most that")
             drive = _cut(drive, drive.time[0] + duration)
         inputs.append(drive)
-        hashes.append(str(log.sha256))
+        hashes.append(str(recording.log.sha256))
     return tuple(inputs), hashes
 
 

@@ -17,6 +17,7 @@ from bha.batch import InstructionSet
 from bha.errors import ParameterError
 from bha.parameters import messages
 from bha.parameters.base import NotNegative, Number, Positive, Switch, Table, key, nearest, table_error
+from bha.recordings import PressureSort
 from bha.simulation import Interpolation, Method
 from bha.sweep.draws import check_variable, levels
 from bha.sweep.metrics import METRICS
@@ -24,6 +25,8 @@ from bha.sweep.metrics import METRICS
 SCHEMA = "bha-sweep/1"
 #: Partitions begin and end at multiples of this many runs, so that what is simulated in one call never depends on them.
 GROUP = 64
+#: A partition is in memory as a whole.
+LARGEST_PARTITION = 1 << 20
 
 Count = Annotated[int, Field(strict=True, ge=1, le=10**12)]
 Distribution = Literal["uniform", "log_uniform", "normal", "log_normal", "choice"]
@@ -72,7 +75,11 @@ class InputTable(Table):
     pressures: tuple[NotNegative, ...] | None = key(
         "a list of numbers >= 0 (Pa, absolute), one an input, constant", unit="Pa", default=None, min_length=1
     )
-    commanded: Switch = key("true or false: whether to drive with the logs' commanded pressures", default=False)
+    log_pressures: PressureSort | None = key(
+        '"measured" or "commanded": which pressures of the logs drive the arm; if left out measured ones where there '
+        "are any",
+        default=None,
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -81,8 +88,8 @@ class InputTable(Table):
             raise table_error(f"found {found} of logs and pressures; allowed: exactly one of them")
         if self.logs is not None and len(set(self.logs)) < len(self.logs):
             raise table_error(f"found {list(self.logs)}; allowed: each log once", "logs")
-        if self.logs is None and self.commanded:
-            raise table_error("found true; allowed: only with logs", "commanded")
+        if self.logs is None and self.log_pressures is not None:
+            raise table_error(f'found "{self.log_pressures}"; allowed: only with logs', "log_pressures")
         return self
 
 
@@ -135,7 +142,9 @@ class SweepSpec(Table):
     kind: Literal["monte_carlo", "grid"] = key('"monte_carlo" or "grid"')
     runs: Count | None = key('a whole number >= 1, with kind "monte_carlo"', default=None)
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = key("a whole number from 0 to 2^63 - 1", default=0)
-    partition_size: Count = key(f"a multiple of {GROUP}: runs a file", default=1024)
+    partition_size: Annotated[int, Field(strict=True, ge=1, le=LARGEST_PARTITION)] = key(
+        f"a multiple of {GROUP}, at most {LARGEST_PARTITION}: runs a file", default=1024
+    )
     metrics: tuple[str, ...] = key(
         "a list of " + ", ".join(f'"{name}"' for name in METRICS),
         default=("final_tip_displacement", "max_tip_displacement", "settling_time", "peak_rate"),
@@ -212,7 +221,7 @@ class SweepSpec(Table):
         text = text.removeprefix("\ufeff").replace("\r\n", "\n")
         try:
             mapping = tomllib.loads(text)
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:  # a whole number of 5000 digits is a ValueError too
             raise ParameterError(messages.not_toml(origin, text, error)) from error
         return cls.from_mapping(mapping, origin=origin, text=text, folder=Path(path).parent)
 

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.sweep import folder as storage
+from bha.errors import InputError
+from bha.sweep.folder import manifest
 from bha.sweep.group import STATUSES
+from bha.sweep.partitions import numbers, partition_path, partitions, read_partition
 
 
 @dataclass
@@ -106,26 +108,30 @@ def summarize(out: str | os.PathLike[str]) -> Summary:
     """Read what is in the folder of a sweep, finished or not.
 
     Raises:
-        InputError: the folder holds no sweep.
+        InputError: the folder holds no sweep, or what is in it is damaged.
+        FileError: a file cannot be read.
         MissingExtraError: pyarrow is not installed.
     """
     folder = Path(out)
-    found = storage.manifest(folder)
-    names = found["spec"]["metrics"]
-    metrics = {name: (str(found["columns"][name]["unit"]), Moments()) for name in names}
+    found = manifest(folder)
+    names = found.spec.metrics
+    metrics = {name: (found.columns[name].unit, Moments()) for name in names}
     statuses = dict.fromkeys(STATUSES, 0)
-    finished = storage.partitions(folder)
+    finished = partitions(folder)
     for partition in finished:
-        table = storage.read_partition(folder, partition, ["status", *names])
+        table = read_partition(folder, partition, found.fingerprint, ["status", *names])
         for entry in table.column("status").value_counts().to_pylist():
+            if entry["values"] not in statuses:
+                path = partition_path(folder, partition)
+                raise InputError(f"{path}: status {entry['values']!r}; allowed: {', '.join(STATUSES)}")
             statuses[entry["values"]] += int(entry["counts"])
         for name, (_, moments) in metrics.items():
-            moments.add(storage.numbers(table, name))
+            moments.add(numbers(table, name))
     return Summary(
         folder=folder,
-        runs=int(found["runs"]),
+        runs=found.runs,
         done=sum(statuses.values()),
-        partitions=int(found["partitions"]),
+        partitions=found.partitions,
         finished=len(finished),
         statuses=statuses,
         metrics=metrics,

@@ -9,8 +9,9 @@ use crate::arm::Arm;
 use crate::effects::poses;
 use crate::error::Error;
 use crate::integrate::{Integrator, NOT_FINITE, System};
-use crate::kinematics::chain::{Link, Motion, pass};
-use crate::linear::Vec3;
+use crate::kinematics::chain::Link;
+use crate::kinematics::section::Pose;
+use crate::linear::{Mat3, Vec3};
 use crate::plant::Plant;
 use crate::real::lanes::AnyLanes;
 use crate::real::{Kernel, Real, all_finite};
@@ -23,11 +24,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// the input, where there are any, at the same times.
 pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bool {
     let (arms, inputs) = ((&batch.arms[a.arm], &batch.arms[b.arm]), (&batch.inputs[a.input], &batch.inputs[b.input]));
-    let same_times = a.times.len() == b.times.len()
-        && a.times.iter().zip(b.times).all(|(s, t)| {
-            let (s, t) = (s - a.start, t - b.start);
-            (s - t).abs() <= 1e-12 * (s.abs() + a.start.abs() + b.start.abs())
-        });
+    let same_times = (std::ptr::eq(a.times, b.times) && a.start == b.start)
+        || a.times.len() == b.times.len()
+            && a.times.iter().zip(b.times).all(|(s, t)| {
+                let (s, t) = (s - a.start, t - b.start);
+                (s - t).abs() <= 1e-12 * (s.abs() + a.start.abs() + b.start.abs())
+            });
     // Where starts differ, the block's clock is nobody's: nothing may ask what time it is.
     let timeless = |arm: &Arm| arm.effects.list.iter().all(|e| e.definition.program.is_none());
     let same_clock = a.start == b.start
@@ -138,7 +140,7 @@ struct Run<'a, 'm, 's, T> {
     links: Vec<Link<T>>,
     times: &'a [f64],
     members: &'a mut [(&'m Member<'m>, Slot<'s>)],
-    /// Whether lengths are to be those that the sensors read.
+    /// Whether lengths and heads are to be those that the sensors read.
     measured: bool,
     stop: &'a AtomicBool,
 }
@@ -150,9 +152,9 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
     fn run(self) {
         let Self { mut integrator, mut system, arm, mut links, times, members, measured, stop } = self;
         let n = arm.coordinates();
-        let mut positions = vec![Vec3::zero(); arm.sections.len()];
-        let heads = members.iter().any(|(_, slot)| !slot.head_positions.is_empty());
-        // Readings of the length sensors, where they are wanted and modelled.
+        let mut heads = vec![Pose { rotation: Mat3::identity(), position: Vec3::zero() }; arm.sections.len()];
+        let wanted = members.iter().any(|(_, slot)| slot.heads());
+        // Readings of the sensors, where they are wanted and modelled.
         if measured {
             system.plant.begin(integrator.time(), integrator.state());
         }
@@ -161,19 +163,11 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
         let mut result = Ok(());
         for (row, time) in times.iter().enumerate() {
             let mut sink = |_: f64, x: &[T]| {
-                if heads {
-                    pass(arm, &x[..n], &[], Motion::Pose, &mut links);
-                    if poses::acts(arm) {
-                        let mut all = positions.iter_mut();
-                        poses::heads(arm, &links, |head| *all.next().expect("one a section") = head.position);
-                    } else {
-                        for (position, link) in positions.iter_mut().zip(&links) {
-                            *position = link.position;
-                        }
-                    }
+                if wanted {
+                    poses::seen(arm, &x[..n], &mut links, |i, head| heads[i] = head);
                 }
                 for (k, (_, slot)) in members.iter_mut().enumerate() {
-                    slot.write(row, n, |j| x[j].lane(k), |j| positions[j / 3].0[j % 3].lane(k));
+                    slot.write(row, n, |j| x[j].lane(k), |i| Some(heads[i].lane(k)));
                 }
             };
             result = integrator
@@ -181,15 +175,18 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
             if measured && result.is_ok() {
                 system.plant.measured_lengths_into(*time, integrator.state(), &mut read);
                 let x = integrator.state();
+                if wanted && system.plant.delays_heads() {
+                    system.plant.measured_heads(*time, x, &mut links, |i, head| heads[i] = head);
+                }
                 for (k, (_, slot)) in members.iter_mut().enumerate() {
                     let value = |j: usize| if j < n { read[j].lane(k) } else { x[j].lane(k) };
-                    slot.write(row, n, value, |j| positions[j / 3].0[j % 3].lane(k));
+                    slot.write(row, n, value, |i| Some(heads[i].lane(k)));
                 }
             }
             // Rows written for a lane that had failed before this row are taken back.
             for ((_, slot), failure) in members.iter_mut().zip(&system.failures) {
                 if failure.is_some() && result.is_ok() {
-                    slot.write(row, n, |_| f64::NAN, |_| f64::NAN);
+                    slot.write(row, n, |_| f64::NAN, |_| None);
                 }
             }
             if result.is_err() {

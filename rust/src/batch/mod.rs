@@ -12,6 +12,8 @@ use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::input::Input;
 use crate::integrate::{Method, Options, Statistics};
+use crate::kinematics::section::Pose;
+use crate::memory::filled;
 use crate::real::lanes::{InstructionSet, dispatch};
 use crate::simulate::Simulation;
 use crate::watch::watched;
@@ -41,7 +43,9 @@ pub struct Channels {
     pub velocities: bool,
     /// Origins of the heads.
     pub head_positions: bool,
-    /// Lengths as the sensors read them, where effects act on sensors, in place of the true ones.
+    /// Orientations of the heads.
+    pub orientations: bool,
+    /// Lengths and heads as the sensors read them, where effects act on sensors, in place of the true ones.
     pub measured: bool,
 }
 
@@ -56,6 +60,8 @@ pub struct BatchRows {
     pub velocities: Vec<f64>,
     /// Origins of the heads in the base frame, 3n a row, m, or empty.
     pub head_positions: Vec<f64>,
+    /// Orientations of the heads, unit quaternions (w, x, y, z) with w >= 0, 4n a row, or empty.
+    pub head_orientations: Vec<f64>,
     /// Why each member ended early, if it did.
     pub failures: Vec<Option<Error>>,
     /// What each member cost.
@@ -95,12 +101,16 @@ impl Batch<'_> {
         let columns = self.check()?;
         let rows = self.members.iter().map(|m| m.times.len()).max().unwrap_or(0);
         let block = rows * columns;
-        let nan = |wanted: bool| if wanted { vec![f64::NAN; self.members.len() * block] } else { Vec::new() };
+        let nan = |wanted: bool, columns: usize, what: &str| {
+            let shape = [if wanted { self.members.len() } else { 0 }, rows, columns];
+            filled(what, &shape, f64::NAN)
+        };
         let mut out = BatchRows {
             rows,
-            lengths: nan(true),
-            velocities: nan(self.channels.velocities),
-            head_positions: nan(self.channels.head_positions),
+            lengths: nan(true, columns, "lengths of all members")?,
+            velocities: nan(self.channels.velocities, columns, "velocities of all members")?,
+            head_positions: nan(self.channels.head_positions, columns, "head positions of all members")?,
+            head_orientations: nan(self.channels.orientations, columns / 3 * 4, "head orientations of all members")?,
             failures: vec![None; self.members.len()],
             statistics: vec![Statistics::default(); self.members.len()],
         };
@@ -134,11 +144,13 @@ impl Batch<'_> {
         let mut lengths = out.lengths.chunks_mut(size);
         let mut velocities = out.velocities.chunks_mut(size);
         let mut head_positions = out.head_positions.chunks_mut(size);
+        let mut head_orientations = out.head_orientations.chunks_mut((block / 3 * 4).max(1));
         let rest = out.failures.iter_mut().zip(&mut out.statistics);
         rest.map(|(failure, statistics)| Slot {
             lengths: lengths.next().unwrap_or_default(),
             velocities: velocities.next().unwrap_or_default(),
             head_positions: head_positions.next().unwrap_or_default(),
+            head_orientations: head_orientations.next().unwrap_or_default(),
             failure,
             statistics,
         })
@@ -183,11 +195,12 @@ impl Batch<'_> {
             }
         };
         let (rows, result) = simulation.advance(member.times, &mut || stop.load(Ordering::Relaxed));
-        let read = self.channels.measured && !rows.measured_lengths.is_empty();
+        let read = |is: Vec<f64>, read: Vec<f64>| if self.channels.measured && !read.is_empty() { read } else { is };
         for (to, from) in [
-            (slot.lengths, if read { rows.measured_lengths } else { rows.lengths }),
+            (slot.lengths, read(rows.lengths, rows.measured_lengths)),
             (slot.velocities, rows.velocities),
-            (slot.head_positions, rows.head_positions),
+            (slot.head_positions, read(rows.head_positions, rows.measured_head_positions)),
+            (slot.head_orientations, read(rows.head_orientations, rows.measured_head_orientations)),
         ] {
             if !to.is_empty() {
                 to[..from.len()].copy_from_slice(&from);
@@ -232,8 +245,10 @@ impl Batch<'_> {
                 let wanted = 2 * columns;
                 return wrong(format!("member {k}: initial state: {wanted} finite numbers are needed, found {x:?}"));
             }
-            let ordered = m.times.windows(2).all(|w| w[0] <= w[1]);
-            if !ordered || m.times.iter().any(|t| !t.is_finite()) || m.times.first().is_some_and(|t| *t < m.start) {
+            // Members mostly share their times, which may be many.
+            let again = k > 0 && std::ptr::eq(m.times, self.members[k - 1].times);
+            let ordered = again || m.times.windows(2).all(|w| w[0] <= w[1]) && m.times.iter().all(|t| t.is_finite());
+            if !ordered || m.times.first().is_some_and(|t| *t < m.start) {
                 let start = m.start;
                 return wrong(format!("member {k}: output times must be finite, ascend and not lie before {start} s"));
             }
@@ -243,9 +258,14 @@ impl Batch<'_> {
 }
 
 impl Slot<'_> {
-    /// Writes one row: of the state's `n` lengths and `n` rates, and of the heads' coordinates.
+    /// Whether heads are wanted.
+    fn heads(&self) -> bool {
+        !(self.head_positions.is_empty() && self.head_orientations.is_empty())
+    }
+
+    /// Writes one row: of the state's `n` lengths and `n` rates, and of the heads' poses, if there are any.
     #[inline(always)]
-    fn write(&mut self, row: usize, n: usize, state: impl Fn(usize) -> f64, head: impl Fn(usize) -> f64) {
+    fn write(&mut self, row: usize, n: usize, state: impl Fn(usize) -> f64, head: impl Fn(usize) -> Option<Pose<f64>>) {
         for (j, to) in self.lengths[row * n..(row + 1) * n].iter_mut().enumerate() {
             *to = state(j);
         }
@@ -255,8 +275,14 @@ impl Slot<'_> {
             }
         }
         if !self.head_positions.is_empty() {
-            for (j, to) in self.head_positions[row * n..(row + 1) * n].iter_mut().enumerate() {
-                *to = head(j);
+            for (i, to) in self.head_positions[row * n..(row + 1) * n].chunks_exact_mut(3).enumerate() {
+                to.copy_from_slice(&head(i).map_or([f64::NAN; 3], |head| head.position.0));
+            }
+        }
+        if !self.head_orientations.is_empty() {
+            let m = n / 3 * 4;
+            for (i, to) in self.head_orientations[row * m..(row + 1) * m].chunks_exact_mut(4).enumerate() {
+                to.copy_from_slice(&head(i).map_or([f64::NAN; 4], |head| head.quaternion()));
             }
         }
     }
@@ -267,6 +293,7 @@ struct Slot<'a> {
     lengths: &'a mut [f64],
     velocities: &'a mut [f64],
     head_positions: &'a mut [f64],
+    head_orientations: &'a mut [f64],
     failure: &'a mut Option<Error>,
     statistics: &'a mut Statistics,
 }

@@ -6,6 +6,7 @@
 
 use crate::error::{Error, Result};
 use nalgebra::DMatrix;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const DOUBLINGS: usize = 60;
 
@@ -14,6 +15,17 @@ const DOUBLINGS: usize = 60;
 /// # Errors
 /// [`Error::Convergence`] where there is none: a mode that the inputs do not reach does not decay.
 pub fn riccati(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<DMatrix<f64>> {
+    riccati_until(a, b, q, r, &AtomicBool::new(false))
+}
+
+/// As [`riccati`], unless `stop` is set meanwhile: [`Error::Interrupted`].
+fn riccati_until(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    q: &DMatrix<f64>,
+    r: &DMatrix<f64>,
+    stop: &AtomicBool,
+) -> Result<DMatrix<f64>> {
     let n = a.nrows();
     let failure = |why: &str| Error::Convergence(format!("no stabilizing solution of the Riccati equation: {why}"));
     let weighted = r.clone().cholesky().ok_or_else(|| failure("the input weights are not positive definite"))?;
@@ -22,6 +34,9 @@ pub fn riccati(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix
     let mut p = q.clone();
     let identity = DMatrix::<f64>::identity(n, n);
     for _ in 0..DOUBLINGS {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
         let w = (&identity + &g * &p).lu();
         let wa = w.solve(&a_k).ok_or_else(|| failure("it is singular"))?;
         let wg = w.solve(&g).ok_or_else(|| failure("it is singular"))?;
@@ -45,9 +60,15 @@ pub fn riccati(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix
 /// The linear-quadratic regulator's K: u = -K x minimizes sum x^T Q x + u^T R u for x_{k+1} = A x + B u.
 ///
 /// # Errors
-/// As for [`riccati`].
-pub fn regulator_gain(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<DMatrix<f64>> {
-    let p = riccati(a, b, q, r)?;
+/// As for [`riccati`]; [`Error::Interrupted`] if `stop` is set meanwhile.
+pub fn regulator_gain(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    q: &DMatrix<f64>,
+    r: &DMatrix<f64>,
+    stop: &AtomicBool,
+) -> Result<DMatrix<f64>> {
+    let p = riccati_until(a, b, q, r, stop)?;
     let matrix = r + b.transpose() * &p * b;
     let right = b.transpose() * p * a;
     matrix
@@ -87,7 +108,7 @@ mod tests {
         }
         let found = riccati(&a, &b, &q, &r).unwrap();
         assert!((&found - &p).amax() < 1e-10 * p.amax(), "{}", found - p);
-        let k = regulator_gain(&a, &b, &q, &r).unwrap();
+        let k = regulator_gain(&a, &b, &q, &r, &AtomicBool::new(false)).unwrap();
         let closed = &a - &b * k;
         assert!(closed.complex_eigenvalues().iter().all(|z| z.norm() < 1.0));
     }

@@ -59,11 +59,15 @@ impl<'a> Equations<'a> {
         out
     }
 
-    fn jacobian(&mut self, q: &DVector<f64>) -> DMatrix<f64> {
+    /// None if `stop` said so.
+    fn jacobian(&mut self, q: &DVector<f64>, stop: &mut impl FnMut() -> bool) -> Option<DMatrix<f64>> {
         let n = q.len();
         let mut jacobian = DMatrix::zeros(n, n);
         let mut out = vec![Dual::zero(); n];
         for block in (0..n).step_by(BLOCK) {
+            if stop() {
+                return None;
+            }
             let dual: Vec<_> =
                 (0..n).map(|k| Dual::variable(q[k], if k < block { BLOCK } else { k - block })).collect();
             let state = (dual.as_slice(), [].as_slice());
@@ -77,7 +81,7 @@ impl<'a> Equations<'a> {
                 }
             }
         }
-        jacobian
+        Some(jacobian)
     }
 }
 
@@ -86,16 +90,30 @@ impl<'a> Equations<'a> {
 /// Starts from `start` (from the static decoupled lengths if none).
 ///
 /// # Errors
-/// [`Error::Convergence`] with the residual left, if no rest is found.
+/// [`Error::Convergence`] with the residual left, if no rest is found, or if a section's mean length at rest is not positive.
 pub fn static_lengths(
     arm: &Arm<f64>,
     p: &[f64],
     f_ext: Option<&[Vec3<f64>]>,
     start: Option<&[f64]>,
 ) -> Result<Vec<f64>> {
+    static_lengths_until(arm, p, f_ext, start, &mut || false)
+}
+
+/// As [`static_lengths`], unless `stop`, asked now and then, says so.
+///
+/// # Errors
+/// As [`static_lengths`]; [`Error::Interrupted`] if `stop` said so.
+pub fn static_lengths_until(
+    arm: &Arm<f64>,
+    p: &[f64],
+    f_ext: Option<&[Vec3<f64>]>,
+    start: Option<&[f64]>,
+    stop: &mut impl FnMut() -> bool,
+) -> Result<Vec<f64>> {
     let first = match start {
         Some(q) => q.to_vec(),
-        None => static_decoupled_lengths(arm, p)?,
+        None => decoupled(arm, p)?,
     };
     let mut q = DVector::from_vec(first);
     let mut equations = Equations::new(arm, p, f_ext);
@@ -104,7 +122,7 @@ pub fn static_lengths(
     let mut damping = 0.0;
     let scale = 1.0 + r.amax();
     for _ in 0..MAX_ITERATIONS {
-        let jacobian = equations.jacobian(&q);
+        let jacobian = equations.jacobian(&q, stop).ok_or(Error::Interrupted)?;
         let mut matrix = -&jacobian;
         for k in 0..q.len() {
             matrix[(k, k)] += damping;
@@ -127,7 +145,7 @@ pub fn static_lengths(
             damping = (5.0 * damping).max(1e-3 * typical);
         }
         if largest < 1e-13 || (r.amax() < 1e-9 * scale && largest < 1e-9) {
-            return Ok(q.as_slice().to_vec());
+            return possible(arm, q.as_slice().to_vec());
         }
     }
     Err(Error::Convergence(format!(
@@ -137,11 +155,31 @@ pub fn static_lengths(
     )))
 }
 
+/// Lengths at rest, if the mean length of every section is positive, as it must be in a simulation too.
+fn possible(arm: &Arm<f64>, q: Vec<f64>) -> Result<Vec<f64>> {
+    for (i, lengths) in q.chunks_exact(3).enumerate().take(arm.sections.len()) {
+        let mean = lengths.iter().sum::<f64>() / 3.0;
+        if mean <= 0.0 {
+            return Err(Error::Convergence(format!(
+                "section {}: its mean length at rest would be {mean:.4} m, which is not positive; check the pressures (is \
+                 this gauge pressure? absolute pressures are needed, in the arm's pressure_range), rest_length and stiffness",
+                i + 1
+            )));
+        }
+    }
+    Ok(q)
+}
+
 /// Lengths from spring forces against static pressure only, each section by itself: static decoupled.
 ///
 /// # Errors
-/// [`Error::Convergence`] naming the section whose springs cannot hold the pressure.
+/// [`Error::Convergence`] naming the section whose springs cannot hold the pressure, or whose mean length is not positive.
 pub fn static_decoupled_lengths(arm: &Arm<f64>, p: &[f64]) -> Result<Vec<f64>> {
+    possible(arm, decoupled(arm, p)?)
+}
+
+/// The same wherever the lengths are.
+fn decoupled(arm: &Arm<f64>, p: &[f64]) -> Result<Vec<f64>> {
     let mut out = Vec::with_capacity(arm.coordinates());
     for (i, section) in arm.sections.iter().enumerate() {
         let count = section.bellows.len() as f64;

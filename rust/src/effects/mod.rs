@@ -10,7 +10,8 @@
 //! | [`Effect::change_arm`] | the arm's parameters | once; free at run time |
 //! | [`Effect::add_forces`] | bellows forces, bending torques, wrenches on heads | in the one sum, `forces::accumulate` |
 //! | [`Effect::pressures`] | pressures between the logged (or commanded) and the acting ones | as time goes on ([`pressures`]) |
-//! | [`Effect::measure`] | lengths between the true and the measured ones | at output ([`sensors`]) |
+//! | [`Effect::measure`], [`Effect::sensor_delay`] | lengths between the true and the measured ones | at output ([`sensors`]) |
+//! | [`Effect::head_delay`] | poses of heads between the true and the measured ones | at output ([`sensors`]) |
 //! | [`Effect::bend`], [`Effect::twist`] | poses of the heads | at output ([`poses`]) |
 //!
 //! Hidden states (creep, hysteresis, lag) are not integrated with the arm: [`state::EffectState`] keeps their values at a step's
@@ -106,7 +107,7 @@ pub enum PlaceKind {
     Bellows,
     /// One pressure input.
     Input,
-    /// All length sensors, where `all` means the inputs.
+    /// All sensors, where `all` means the inputs.
     Sensors,
 }
 
@@ -190,6 +191,11 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
 
     /// By how much it delays the sensor of a length, s.
     fn sensor_delay(&self, _coordinate: usize) -> Option<T> {
+        None
+    }
+
+    /// By how much it delays what measures the pose of a section's head, s.
+    fn head_delay(&self, _section: usize) -> Option<T> {
         None
     }
 

@@ -1,7 +1,7 @@
 //! Poses of the heads as a camera sees them: with the effects that act on poses only.
 
 use crate::arm::Arm;
-use crate::kinematics::chain::Link;
+use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::section::{Bent, Pose};
 use crate::linear::{Mat3, Vec3};
 use crate::real::Real;
@@ -9,6 +9,23 @@ use crate::real::Real;
 /// Whether an arm has effects that act on poses.
 pub fn acts<T: Real>(arm: &Arm<T>) -> bool {
     arm.effects.list.iter().any(|e| e.info().needs_poses)
+}
+
+/// Poses of all heads at lengths `q` as a camera sees them, in order; `links` is work space, one a section.
+#[inline(always)]
+pub fn seen<T: Real>(arm: &Arm<T>, q: &[T], links: &mut [Link<T>], mut each: impl FnMut(usize, Pose<T>)) {
+    pass(arm, q, &[], Motion::Pose, links);
+    if acts(arm) {
+        let mut section = 0;
+        heads(arm, links, |head| {
+            each(section, head);
+            section += 1;
+        });
+    } else {
+        for (section, link) in links.iter().enumerate() {
+            each(section, Pose { rotation: link.rotation, position: link.position });
+        }
+    }
 }
 
 /// Poses of all heads from the links of a pass, in order.

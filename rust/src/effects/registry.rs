@@ -77,6 +77,7 @@ macro_rules! dispatch {
             pressures_at_rest(p: &mut [T]);
             input_delay(input: usize) -> Option<T>;
             sensor_delay(coordinate: usize) -> Option<T>;
+            head_delay(section: usize) -> Option<T>;
             shapes_lengths() -> bool;
             measure(coordinate: usize, length: T) -> T;
             bend(section: usize) -> Option<T>;

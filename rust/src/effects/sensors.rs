@@ -1,6 +1,10 @@
-//! The chain between true and measured lengths: delay first, then gains and offsets in the order of the file.
+//! The chain between what is and what is measured. Lengths: delay first, then gains and offsets in the order of the file.
+//! Poses of heads: delay only, the whole arm's pose of that time.
 
+use super::poses;
 use crate::arm::Arm;
+use crate::kinematics::chain::Link;
+use crate::kinematics::section::Pose;
 use crate::real::Real;
 use std::collections::VecDeque;
 
@@ -9,6 +13,8 @@ use std::collections::VecDeque;
 pub struct Sensors<T> {
     /// Delay of each length sensor, where there is one.
     delays: Vec<Option<T>>,
+    /// Delay of what measures each head: the effects that make it, and their sum.
+    heads: Vec<(Vec<usize>, T)>,
     longest: f64,
     /// Times, oldest first, and lengths and rates there, row by row.
     times: VecDeque<f64>,
@@ -16,7 +22,7 @@ pub struct Sensors<T> {
 }
 
 impl<T: Real> Sensors<T> {
-    /// The sensors of `arm`, which rests at `x` until `start`; none where no effect acts on measured lengths.
+    /// The sensors of `arm`, which rests at `x` until `start`; none where no effect acts on what is measured.
     pub fn new(arm: &Arm<T>, start: f64, x: &[T]) -> Option<Self> {
         let list = &arm.effects.list;
         let delays: Vec<Option<T>> = (0..arm.coordinates())
@@ -26,12 +32,23 @@ impl<T: Real> Sensors<T> {
                     .fold(None, |sum: Option<T>, d| Some(sum.map_or(d, |s| s + d)))
             })
             .collect();
-        let longest = delays.iter().flatten().fold(0.0, |m: f64, d| m.max(d.largest()));
+        let head = |i: usize| {
+            let mut delay = (Vec::new(), T::zero());
+            for (number, d) in list.iter().enumerate().filter_map(|(k, e)| Some((k, e.kind.head_delay(i)?))) {
+                delay.0.push(number);
+                delay.1 += d;
+            }
+            delay
+        };
+        let heads: Vec<_> = (0..arm.sections.len()).map(head).collect();
+        let all = delays.iter().flatten().copied().chain(heads.iter().map(|h| h.1));
+        let longest = all.fold(0.0, |m: f64, d| m.max(d.largest()));
+        // No effect delays a head without delaying lengths too.
         if delays.iter().all(Option::is_none) && !list.iter().any(|e| e.kind.shapes_lengths()) {
             return None;
         }
         let (times, states) = (VecDeque::from([start]), VecDeque::from([x.to_vec()]));
-        Some(Self { delays, longest, times, states })
+        Some(Self { delays, heads, longest, times, states })
     }
 
     /// A step ended at (`t`, `x`).
@@ -64,6 +81,40 @@ impl<T: Real> Sensors<T> {
                 q = entry.kind.measure(j, q);
             }
             *length = q;
+        }
+    }
+
+    /// Whether what measures the heads is delayed, of one head at least.
+    pub fn delays_heads(&self) -> bool {
+        self.heads.iter().any(|(effects, _)| !effects.is_empty())
+    }
+
+    /// Measured poses of the heads at `t`, where the state is `x`, in order; `links` is work space, one a section.
+    pub fn measure_heads(
+        &self,
+        arm: &Arm<T>,
+        t: f64,
+        x: &[T],
+        links: &mut [Link<T>],
+        mut each: impl FnMut(usize, Pose<T>),
+    ) {
+        let n = x.len() / 2;
+        let mut q = x[..n].to_vec();
+        // A head's pose is that of its time, with all that the arm below (and the loads above) then did. Neighbours
+        // with the same delay share a pass.
+        let mut first = 0;
+        for group in self.heads.chunk_by(|a, b| a.0 == b.0) {
+            let own = first..first + group.len();
+            first = own.end;
+            let (effects, delay) = &group[0];
+            for (j, length) in q.iter_mut().enumerate() {
+                *length = if effects.is_empty() { x[j] } else { self.at(-*delay + t, t, x, j) };
+            }
+            poses::seen(arm, &q, links, |i, head| {
+                if own.contains(&i) {
+                    each(i, head);
+                }
+            });
         }
     }
 

@@ -4,4 +4,5 @@ pub mod arc;
 pub mod chain;
 pub mod coordinates;
 pub mod point;
+pub mod quaternion;
 pub mod section;

@@ -1,7 +1,8 @@
 //! The class `Arm`: the model of one arm.
 
-use super::arrays::{matrix, shaped, small, vector};
+use super::arrays::{finite, matrix, pressures, shaped, small, vector, vector_or_rows};
 use super::errors::{input, to_python};
+use super::signals::Signals;
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::{forward_dynamics_into, inverse_dynamics_into};
@@ -11,16 +12,20 @@ use crate::dynamics::terms::{
 };
 use crate::effects;
 use crate::forces::ForceSet;
-use crate::kinematics::chain::{Motion, pass};
+use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::configuration;
 use crate::kinematics::point::{Point, jacobian, pose, shape};
 use crate::linear::Vec3;
+use crate::memory::reserved;
 use crate::parameters::ArmParameters;
-use numpy::{PyArray1, PyArray2, PyArray3};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::borrow::Cow;
 use std::sync::{Arc, Mutex, MutexGuard};
+
+/// Most points of a shape.
+const MOST_POINTS: usize = 1_000_000;
 
 /// The model of one arm, from the fully expanded parameters as JSON.
 #[pyclass(name = "Arm", module = "bha._core", subclass, frozen)]
@@ -46,7 +51,35 @@ impl PyArm {
     fn external(&self, f_ext: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<Vec3<f64>>>> {
         let Some(f) = f_ext else { return Ok(None) };
         let f = matrix(f, "f_ext", (self.arm.sections.len(), 3))?;
-        Ok(Some(f.as_slice()?.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect()))
+        Ok(Some(f.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect()))
+    }
+
+    /// Appends positions and rotations of the heads at lengths `q`.
+    fn heads_into(&self, q: &[f64], links: &mut [Link<f64>], positions: &mut Vec<f64>, rotations: &mut Vec<f64>) {
+        pass(&self.arm, q, &[], Motion::Pose, links);
+        if effects::poses::acts(&*self.arm) {
+            effects::poses::heads(&self.arm, links, |head| {
+                positions.extend(head.position.0);
+                rotations.extend(head.rotation.0.as_flattened());
+            });
+        } else {
+            positions.extend(links.iter().flat_map(|l| l.position.0));
+            rotations.extend(links.iter().flat_map(|l| l.rotation.0).flatten());
+        }
+    }
+
+    /// Does `work` for each row of lengths `q`, with the interpreter released; Ctrl-C ends it.
+    fn each(&self, py: Python<'_>, q: &[f64], mut work: impl FnMut(&[f64]) + Send) -> PyResult<()> {
+        let mut signals = Signals::new();
+        py.detach(|| {
+            for (k, q) in q.chunks_exact(self.size()).enumerate() {
+                work(q);
+                if k % 16 == 0 && signals.stop() {
+                    break;
+                }
+            }
+        });
+        signals.result()
     }
 
     fn force(&self, set: ForceSet, (q, qd): (&[f64], &[f64]), p: &[f64], f_ext: Option<&[Vec3<f64>]>) -> Vec<f64> {
@@ -92,23 +125,22 @@ impl PyArm {
     }
 
     /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the base frame, effects on poses
-    /// (torsion, non_constant_curvature) included. Paper (14).
-    fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
+    /// (torsion, non_constant_curvature) included; for lengths (m, 3n) of many states (m, n, 3) and (m, n, 3, 3). Paper (14).
+    fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let (py, n) = (q.py(), self.arm.sections.len());
-        let q = vector(q, "q", self.size())?;
-        let mut ws = self.workspace();
-        pass(&self.arm, q.as_slice()?, &[], Motion::Pose, &mut ws.links);
-        let (mut positions, mut rotations) = (Vec::with_capacity(3 * n), Vec::with_capacity(9 * n));
-        if effects::poses::acts(&*self.arm) {
-            effects::poses::heads(&self.arm, &ws.links, |head| {
-                positions.extend(head.position.0);
-                rotations.extend(head.rotation.0.as_flattened());
-            });
-        } else {
-            positions.extend(ws.links.iter().flat_map(|l| l.position.0));
-            rotations.extend(ws.links.iter().flat_map(|l| l.rotation.0).flatten());
-        }
-        Ok((shaped(py, positions, [n, 3])?, shaped(py, rotations, [n, 3, 3])?))
+        let (q, rows) = vector_or_rows(q, "q", self.size())?;
+        let Some(m) = rows else {
+            let (mut positions, mut rotations) = (Vec::with_capacity(3 * n), Vec::with_capacity(9 * n));
+            self.heads_into(&q, &mut self.workspace().links, &mut positions, &mut rotations);
+            let (positions, rotations) = (finite(py, "positions", positions)?, finite(py, "rotations", rotations)?);
+            return Ok((shaped(py, positions, [n, 3])?.into_any(), shaped(py, rotations, [n, 3, 3])?.into_any()));
+        };
+        let room = |what, size| reserved(what, &[m, n, size]).map_err(|e| to_python(py, &e));
+        let (mut positions, mut rotations) = (room("positions", 3)?, room("rotations", 9)?);
+        let mut links = vec![Link::base(); n];
+        self.each(py, &q, |q| self.heads_into(q, &mut links, &mut positions, &mut rotations))?;
+        let (positions, rotations) = (finite(py, "positions", positions)?, finite(py, "rotations", rotations)?);
+        Ok((shaped(py, positions, [m, n, 3])?.into_any(), shaped(py, rotations, [m, n, 3, 3])?.into_any()))
     }
 
     /// Orientation (3, 3) and position (3,) of a point of the arm in the base frame.
@@ -124,9 +156,10 @@ impl PyArm {
         let point = self.point(py, section, fraction, offset)?;
         let q = vector(q, "q", self.size())?;
         let mut ws = self.workspace();
-        pass(&self.arm, q.as_slice()?, &[], Motion::Pose, &mut ws.links);
+        pass(&self.arm, &q, &[], Motion::Pose, &mut ws.links);
         let (rotation, position) = pose(&self.arm, &ws.links, &point);
-        Ok((shaped(py, rotation.0.concat(), [3, 3])?, small(py, &position.0)))
+        let (rotation, position) = (finite(py, "rotation", rotation.0.concat())?, finite(py, "position", position.0)?);
+        Ok((shaped(py, rotation, [3, 3])?, small(py, &position)))
     }
 
     /// Jacobian (6, 3n) of a point by the lengths: velocity, then angular velocity, in the base frame.
@@ -142,33 +175,44 @@ impl PyArm {
         let point = self.point(py, section, fraction, offset)?;
         let q = vector(q, "q", m)?;
         let mut ws = self.workspace();
-        pass(&self.arm, q.as_slice()?, &[], Motion::Pose, &mut ws.links);
+        pass(&self.arm, &q, &[], Motion::Pose, &mut ws.links);
         let mut columns = vec![[Vec3::zero(); 2]; m];
         jacobian(&self.arm, &ws.links, &point, &mut columns);
         let element = |row: usize| columns.iter().map(move |c| c[row / 3].0[row % 3]);
-        shaped(py, (0..6).flat_map(element).collect(), [6, m])
+        shaped(py, finite(py, "jacobian", (0..6).flat_map(element).collect::<Vec<_>>())?, [6, m])
     }
 
-    /// Points (k, 3) along the backbone from the base on, `points_per_section` + 1 on each arc and the ends of rigid pieces.
+    /// Points (k, 3) along the backbone from the base on, `points_per_section` + 1 on each arc and the ends of rigid pieces;
+    /// for lengths (m, 3n) of many states (m, k, 3).
     #[pyo3(signature = (q, points_per_section = 20))]
-    fn shape<'py>(&self, q: &Bound<'py, PyAny>, points_per_section: usize) -> PyResult<Matrix<'py>> {
-        let py = q.py();
-        if points_per_section == 0 {
-            return Err(input(py, "points_per_section: 0; at least 1 is needed".to_owned()));
+    fn shape<'py>(&self, q: &Bound<'py, PyAny>, points_per_section: usize) -> PyResult<Bound<'py, PyAny>> {
+        let (py, n) = (q.py(), self.arm.sections.len());
+        let most = MOST_POINTS / n.max(1);
+        if !(1..=most).contains(&points_per_section) {
+            return Err(input(py, format!("points_per_section: {points_per_section}; 1 to {most} are allowed")));
         }
-        let q = vector(q, "q", self.size())?;
-        let mut out = Vec::new();
-        shape(&self.arm, q.as_slice()?, points_per_section, &mut self.workspace().links, &mut out);
-        shaped(py, out.iter().flat_map(|p| p.0).collect(), [out.len(), 3])
+        let (q, rows) = vector_or_rows(q, "q", self.size())?;
+        let k = 1 + n * (points_per_section + 2);
+        let mut out = reserved("points", &[rows.unwrap_or(1), k, 3]).map_err(|e| to_python(py, &e))?;
+        let (mut links, mut points) = (vec![Link::base(); n], Vec::with_capacity(k));
+        self.each(py, &q, |q| {
+            shape(&self.arm, q, points_per_section, &mut links, &mut points);
+            out.extend(points.iter().flat_map(|p| p.0));
+        })?;
+        let out = finite(py, "points", out)?;
+        match rows {
+            None => Ok(shaped(py, out, [k, 3])?.into_any()),
+            Some(m) => Ok(shaped(py, out, [m, k, 3])?.into_any()),
+        }
     }
 
     /// The paper's configuration (n, 3) of (7): phi, kappa, l of each section; phi = 0 where a section is straight.
     fn configuration<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
         let (py, n) = (q.py(), self.arm.sections.len());
         let q = vector(q, "q", self.size())?;
-        let values = q.as_slice()?.chunks_exact(3).zip(&self.arm.sections);
-        let out = values.flat_map(|(c, s)| configuration([c[0], c[1], c[2]], s.bellows_radius)).collect();
-        shaped(py, out, [n, 3])
+        let values = q.chunks_exact(3).zip(&self.arm.sections);
+        let out = values.flat_map(|(c, s)| configuration([c[0], c[1], c[2]], s.bellows_radius));
+        shaped(py, finite(py, "configuration", out.collect::<Vec<_>>())?, [n, 3])
     }
 
     /// The terms of M q'' + C q' + N = tau. Paper (48)-(53).
@@ -182,19 +226,20 @@ impl PyArm {
     ) -> PyResult<DynamicsTerms> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
-        let p = vector(p, "p", self.arm.inputs)?;
+        let p = pressures(p, "p", self.arm.inputs)?;
         let f = self.external(f_ext)?;
-        let (q, qd, p) = (q.as_slice()?, qd.as_slice()?, p.as_slice()?);
+        let (q, qd, p) = (&q, &qd, &p);
         let (mut inertia, mut coriolis) = (vec![0.0; m * m], vec![0.0; m * m]);
         inertia_matrix_into(&self.arm, q, &mut self.workspace(), &mut inertia);
         coriolis_matrix_into(&self.arm, q, qd, &mut self.workspace(), &mut coriolis);
         let actuation = ForceSet { actuation: true, ..ForceSet::NONE };
         let passive = self.force(ForceSet::PASSIVE, (q, qd), &[], f.as_deref());
+        let tau = self.force(actuation, (q, qd), &self.acting(p), None);
         Ok(DynamicsTerms {
-            inertia_matrix: shaped(py, inertia, [m, m])?.unbind(),
-            coriolis_matrix: shaped(py, coriolis, [m, m])?.unbind(),
-            bias_force: small(py, &passive.iter().map(|f| -f).collect::<Vec<_>>()).unbind(),
-            actuation_force: small(py, &self.force(actuation, (q, qd), &self.acting(p), None)).unbind(),
+            inertia_matrix: shaped(py, finite(py, "inertia_matrix", inertia)?, [m, m])?.unbind(),
+            coriolis_matrix: shaped(py, finite(py, "coriolis_matrix", coriolis)?, [m, m])?.unbind(),
+            bias_force: small(py, &finite(py, "bias_force", negative(&passive))?).unbind(),
+            actuation_force: small(py, &finite(py, "actuation_force", tau)?).unbind(),
         })
     }
 
@@ -219,8 +264,9 @@ impl PyArm {
             ("external", ForceSet { external: true, ..none }),
             ("effects", ForceSet { effects: true, ..none }),
         ] {
-            let force = self.force(set, (q.as_slice()?, qd.as_slice()?), &[], f.as_deref());
-            out.set_item(name, small(py, &force.iter().map(|f| 0.0 - f).collect::<Vec<_>>()))?;
+            let force = self.force(set, (&q, &qd), &[], f.as_deref());
+            let force = force.iter().map(|f| 0.0 - f).collect::<Vec<_>>();
+            out.set_item(name, small(py, &finite(py, name, force)?))?;
         }
         Ok(out)
     }
@@ -230,8 +276,8 @@ impl PyArm {
         let (py, m) = (q.py(), self.size());
         let q = vector(q, "q", m)?;
         let mut out = vec![0.0; m * m];
-        inertia_matrix_into(&self.arm, q.as_slice()?, &mut self.workspace(), &mut out);
-        shaped(py, out, [m, m])
+        inertia_matrix_into(&self.arm, &q, &mut self.workspace(), &mut out);
+        shaped(py, finite(py, "inertia_matrix", out)?, [m, m])
     }
 
     /// C (3n, 3n), in the form for which dM/dt - 2C is skew-symmetric. Paper (50).
@@ -239,8 +285,8 @@ impl PyArm {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
         let mut out = vec![0.0; m * m];
-        coriolis_matrix_into(&self.arm, q.as_slice()?, qd.as_slice()?, &mut self.workspace(), &mut out);
-        shaped(py, out, [m, m])
+        coriolis_matrix_into(&self.arm, &q, &qd, &mut self.workspace(), &mut out);
+        shaped(py, finite(py, "coriolis_matrix", out)?, [m, m])
     }
 
     /// N (3n,): springs, damping, bending, gravity, external forces. Paper (52).
@@ -254,15 +300,16 @@ impl PyArm {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
         let f = self.external(f_ext)?;
-        let passive = self.force(ForceSet::PASSIVE, (q.as_slice()?, qd.as_slice()?), &[], f.as_deref());
-        Ok(small(py, &passive.iter().map(|f| -f).collect::<Vec<_>>()))
+        let passive = self.force(ForceSet::PASSIVE, (&q, &qd), &[], f.as_deref());
+        Ok(small(py, &finite(py, "bias_force", negative(&passive))?))
     }
 
     /// tau (3n,). Paper (53).
     fn actuation_force<'py>(&self, q: &Bound<'py, PyAny>, p: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
-        let (q, p) = (vector(q, "q", self.size())?, vector(p, "p", self.arm.inputs)?);
+        let py = q.py();
+        let (q, p) = (vector(q, "q", self.size())?, pressures(p, "p", self.arm.inputs)?);
         let set = ForceSet { actuation: true, ..ForceSet::NONE };
-        Ok(small(q.py(), &self.force(set, (q.as_slice()?, &[]), &self.acting(p.as_slice()?), None)))
+        Ok(small(py, &finite(py, "actuation_force", self.force(set, (&q, &[]), &self.acting(&p), None))?))
     }
 
     /// d tau/dp (3n, inputs): tau = A(q) (p - p_amb).
@@ -270,7 +317,7 @@ impl PyArm {
         let (py, m, inputs) = (q.py(), self.size(), self.arm.inputs);
         let q = vector(q, "q", m)?;
         let mut out = vec![0.0; m * inputs];
-        actuation_matrix_into(&self.arm, q.as_slice()?, &mut self.workspace(), &mut out);
+        actuation_matrix_into(&self.arm, &q, &mut self.workspace(), &mut out);
         // The acting pressures are an affine function of the logged ones, one by one.
         let (zero, one) = (vec![0.0; inputs], vec![1.0; inputs]);
         let (zero, one) = (self.acting(&zero), self.acting(&one));
@@ -279,7 +326,7 @@ impl PyArm {
                 *a *= one - zero;
             }
         }
-        shaped(py, out, [m, inputs])
+        shaped(py, finite(py, "actuation_matrix", out)?, [m, inputs])
     }
 
     /// q'' (3n,), in O(n). Paper (48).
@@ -296,16 +343,11 @@ impl PyArm {
     ) -> PyResult<Vector<'py>> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
-        let p = vector(p, "p", self.arm.inputs)?;
+        let p = pressures(p, "p", self.arm.inputs)?;
         let f = self.external(f_ext)?;
-        let out = PyArray1::zeros(py, m, false);
-        let (q, qd, p) = (q.as_slice()?, qd.as_slice()?, p.as_slice()?);
-        {
-            let mut view = numpy::PyArrayMethods::readwrite(&out);
-            let qdd = view.as_slice_mut()?;
-            forward_dynamics_into(&self.arm, q, qd, &self.acting(p), f.as_deref(), &mut self.workspace(), qdd);
-        }
-        Ok(out)
+        let mut qdd = vec![0.0; m];
+        forward_dynamics_into(&self.arm, &q, &qd, &self.acting(&p), f.as_deref(), &mut self.workspace(), &mut qdd);
+        Ok(small(py, &finite(py, "acceleration", qdd)?))
     }
 
     /// The actuation force tau (3n,) needed for an acceleration: M q'' + C q' + N. Paper (48).
@@ -321,16 +363,17 @@ impl PyArm {
         let (q, qd, qdd) = (vector(q, "q", m)?, vector(qd, "qd", m)?, vector(qdd, "qdd", m)?);
         let f = self.external(f_ext)?;
         let mut out = vec![0.0; m];
-        let (q, qd, qdd) = (q.as_slice()?, qd.as_slice()?, qdd.as_slice()?);
+        let (q, qd, qdd) = (&q, &qd, &qdd);
         inverse_dynamics_into(&self.arm, q, qd, qdd, f.as_deref(), &mut self.workspace(), &mut out);
-        Ok(small(py, &out))
+        Ok(small(py, &finite(py, "actuation_force", out)?))
     }
 
     /// Energies at a state, J. Paper (16), (33), (36)-(38).
     fn energy(&self, q: &Bound<'_, PyAny>, qd: &Bound<'_, PyAny>) -> PyResult<Energy> {
-        let m = self.size();
+        let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
-        let e = crate::dynamics::energy::energy(&self.arm, q.as_slice()?, qd.as_slice()?, &mut self.workspace());
+        let e = crate::dynamics::energy::energy(&self.arm, &q, &qd, &mut self.workspace());
+        finite(py, "energy", [e.kinetic(), e.potential()])?;
         Ok(Energy(e))
     }
 
@@ -344,18 +387,26 @@ impl PyArm {
         start: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let py = p.py();
-        let p = vector(p, "p", self.arm.inputs)?;
+        let p = pressures(p, "p", self.arm.inputs)?;
         let f = self.external(f_ext)?;
-        let p = self.acting(p.as_slice()?);
-        let result = if coupled {
-            let start = start.map(|s| vector(s, "start", self.size())).transpose()?;
-            let start = start.as_ref().map(|s| s.as_slice()).transpose()?;
-            statics::static_lengths(&self.arm, &p, f.as_deref(), start)
-        } else {
-            statics::static_decoupled_lengths(&self.arm, &p)
-        };
-        result.map(|q| small(py, &q)).map_err(|e| to_python(py, &e))
+        let start = start.map(|s| vector(s, "start", self.size())).transpose()?;
+        let p = self.acting(&p);
+        let mut signals = Signals::new();
+        let result = py.detach(|| {
+            if coupled {
+                statics::static_lengths_until(&self.arm, &p, f.as_deref(), start.as_deref(), &mut || signals.stop())
+            } else {
+                statics::static_decoupled_lengths(&self.arm, &p)
+            }
+        });
+        signals.result()?;
+        let q = result.map_err(|e| to_python(py, &e))?;
+        Ok(small(py, &finite(py, "lengths at rest", q)?))
     }
+}
+
+fn negative(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|f| -f).collect()
 }
 
 /// M, C, N and tau at one state.

@@ -1,78 +1,128 @@
-//! Arrays in and out: checked for shape and finiteness, with an error that says what was expected and found.
+//! Arrays in and out: copied while the interpreter is held, checked for shape and finiteness on the copy.
+//!
+//! Nothing reads NumPy's memory later than that: other threads may write to it as soon as the interpreter is released. Plain
+//! arrays of floats are read here; all others go through `bha.arrays.floats`, which also says what is wrong with them.
 
 use super::errors::input;
-use numpy::{IntoPyArray, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::{IntoPyDict, PyTuple};
 
-/// `value` as a contiguous float64 array of the given shape (`None`: any extent).
-fn array<'py>(
-    value: &Bound<'py, PyAny>,
-    name: &str,
-    shape: &[Option<usize>],
-) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    let py = value.py();
-    let wanted = || {
-        let parts: Vec<String> = shape.iter().map(|e| e.map_or("any".to_owned(), |e| e.to_string())).collect();
-        format!("({}{})", parts.join(", "), if parts.len() == 1 { "," } else { "" })
-    };
-    let direct = value.cast::<PyArrayDyn<f64>>().ok().filter(|a| a.is_c_contiguous());
-    let array = match direct {
-        Some(a) => a.clone(),
-        None => convert(value).map_err(|e| {
-            input(py, format!("{name}: an array of floats of shape {} is needed; {}", wanted(), e.value(py)))
-        })?,
-    };
-    let found = array.shape();
-    if found.len() != shape.len() || found.iter().zip(shape).any(|(f, s)| s.is_some_and(|s| s != *f)) {
-        return Err(input(py, format!("{name}: expected shape {}, found {found:?}", wanted())));
-    }
-    let view = array.readonly();
-    let slice = view.as_slice()?;
-    if let Some(k) = slice.iter().position(|x| !x.is_finite()) {
-        return Err(input(py, format!("{name}: element {k} is {}; finite numbers are needed", slice[k])));
-    }
-    Ok(view)
+/// Extents of an array; `None`: any.
+type Shape<'a> = &'a [Option<usize>];
+
+fn fits(found: &[usize], shape: Shape<'_>) -> bool {
+    found.len() == shape.len() && found.iter().zip(shape).all(|(f, s)| s.is_none_or(|s| s == *f))
 }
 
-/// Anything NumPy can turn into a contiguous float64 array without loss of kind (no complex, no text).
-fn convert<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    static ASARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
-    static RESULT: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
-    let py = value.py();
-    let asarray = ASARRAY.import(py, "numpy", "asarray")?;
-    let ascontiguous = RESULT.import(py, "numpy", "ascontiguousarray")?;
-    let general = asarray.call1((value,))?;
-    let kind: String = general.getattr("dtype")?.getattr("kind")?.extract()?;
-    if !["f", "i", "u"].contains(&kind.as_str()) {
-        let found = general.getattr("dtype")?.str()?;
-        return Err(pyo3::exceptions::PyTypeError::new_err(format!("found dtype {found}")));
+/// Numbers, row by row.
+struct Found {
+    values: Vec<f64>,
+    dimensions: usize,
+    rows: usize,
+}
+
+/// The numbers of a plain (no subclass), contiguous, aligned array of floats in one of the shapes, if it is such a one.
+fn plain(value: &Bound<'_, PyAny>, shapes: &[Shape<'_>]) -> Option<Found> {
+    if !value.is_exact_instance_of::<PyUntypedArray>() {
+        return None;
     }
-    Ok(ascontiguous.call1((general, "float64"))?.cast_into::<PyArrayDyn<f64>>()?)
+    let array = value.cast::<PyArrayDyn<f64>>().ok()?;
+    if !array.is_c_contiguous() || !shapes.iter().any(|shape| fits(array.shape(), shape)) {
+        return None;
+    }
+    let values = array.try_readonly().ok()?.as_slice().ok()?.to_vec();
+    Some(Found { values, dimensions: array.ndim(), rows: array.shape().first().copied().unwrap_or(1) })
+}
+
+/// Finite numbers of an array in one of the shapes.
+fn array(value: &Bound<'_, PyAny>, name: &str, shapes: &[Shape<'_>]) -> PyResult<Found> {
+    numbers(value, name, shapes, true)
+}
+
+/// Numbers of an array in one of the shapes, `finite` or not.
+fn numbers(value: &Bound<'_, PyAny>, name: &str, shapes: &[Shape<'_>], finite: bool) -> PyResult<Found> {
+    let good = |found: &Found| !finite || found.values.iter().all(|x| x.is_finite());
+    if let Some(found) = plain(value, shapes).filter(good) {
+        return Ok(found);
+    }
+    static FLOATS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let py = value.py();
+    let mut arguments = vec![value.clone(), name.into_pyobject(py)?.into_any()];
+    for shape in shapes {
+        arguments.push(PyTuple::new(py, *shape)?.into_any());
+    }
+    let options = [("finite", finite)].into_py_dict(py)?;
+    let found = FLOATS.import(py, "bha.arrays", "floats")?.call(PyTuple::new(py, arguments)?, Some(&options))?;
+    plain(&found, shapes).filter(good).ok_or_else(|| input(py, format!("{name}: it was changed while it was read")))
 }
 
 /// A vector of the given length.
-pub fn vector<'py>(value: &Bound<'py, PyAny>, name: &str, length: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    array(value, name, &[Some(length)])
+pub fn vector(value: &Bound<'_, PyAny>, name: &str, length: usize) -> PyResult<Vec<f64>> {
+    Ok(array(value, name, &[&[Some(length)]])?.values)
 }
 
 /// A vector of any length.
-pub fn any_vector<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    array(value, name, &[None])
+pub fn any_vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
+    Ok(array(value, name, &[&[None]])?.values)
+}
+
+/// The same where the numbers need not be finite.
+pub fn any_numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
+    Ok(numbers(value, name, &[&[None]], false)?.values)
 }
 
 /// A matrix with any number of rows.
-pub fn rows<'py>(value: &Bound<'py, PyAny>, name: &str, columns: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    array(value, name, &[None, Some(columns)])
+pub fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
+    Ok(array(value, name, &[&[None, Some(columns)]])?.values)
 }
 
 /// A matrix.
-pub fn matrix<'py>(
-    value: &Bound<'py, PyAny>,
-    name: &str,
-    (rows, columns): (usize, usize),
-) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    array(value, name, &[Some(rows), Some(columns)])
+pub fn matrix(value: &Bound<'_, PyAny>, name: &str, (rows, columns): (usize, usize)) -> PyResult<Vec<f64>> {
+    Ok(array(value, name, &[&[Some(rows), Some(columns)]])?.values)
+}
+
+/// A matrix of any size, with the number of its rows.
+pub fn any_matrix(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64>, usize)> {
+    let found = array(value, name, &[&[None, None]])?;
+    Ok((found.values, found.rows))
+}
+
+/// A vector of the given length, or a matrix of such rows; the number of rows of a matrix.
+pub fn vector_or_rows(value: &Bound<'_, PyAny>, name: &str, length: usize) -> PyResult<(Vec<f64>, Option<usize>)> {
+    let found = array(value, name, &[&[Some(length)], &[None, Some(length)]])?;
+    Ok((found.values, (found.dimensions == 2).then_some(found.rows)))
+}
+
+/// Pressures, Pa absolute: none is negative.
+pub fn absolute(py: Python<'_>, name: &str, values: Vec<f64>) -> PyResult<Vec<f64>> {
+    match values.iter().position(|p| *p < 0.0) {
+        None => Ok(values),
+        Some(k) => Err(input(
+            py,
+            format!(
+                "{name}: element {k} is {} Pa; pressures are absolute and not negative. Is this gauge pressure? Then add \
+                 the ambient pressure",
+                values[k]
+            ),
+        )),
+    }
+}
+
+/// A vector of absolute pressures.
+pub fn pressures(value: &Bound<'_, PyAny>, name: &str, length: usize) -> PyResult<Vec<f64>> {
+    absolute(value.py(), name, vector(value, name, length)?)
+}
+
+/// Rows of absolute pressures.
+pub fn pressure_rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
+    absolute(value.py(), name, rows(value, name, columns)?)
+}
+
+/// Rows of external forces and how many columns they have; nothing and none where there are none.
+pub fn force_rows(value: Option<&Bound<'_, PyAny>>, name: &str, columns: usize) -> PyResult<(Vec<f64>, usize)> {
+    value.map_or(Ok((Vec::new(), 0)), |f| Ok((rows(f, name, columns)?, columns)))
 }
 
 /// A small vector out, copied.
@@ -91,4 +141,17 @@ where
     [usize; D]: numpy::ndarray::IntoDimension<Dim = numpy::ndarray::Dim<[usize; D]>>,
 {
     values.into_pyarray(py).reshape(shape)
+}
+
+/// What the model answers, `what`, if it is finite.
+pub fn finite<V: AsRef<[f64]>>(py: Python<'_>, what: &str, values: V) -> PyResult<V> {
+    if values.as_ref().iter().all(|x| x.is_finite()) {
+        return Ok(values);
+    }
+    Err(input(
+        py,
+        format!(
+            "{what}: not finite at these arguments; they are too large for the model, or a formula of the arm is not finite there"
+        ),
+    ))
 }

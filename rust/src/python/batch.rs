@@ -1,8 +1,8 @@
 //! The function `simulate_batch`.
 
 use super::arm::PyArm;
-use super::arrays::{any_vector, rows, shaped, vector};
-use super::errors::{input, to_python};
+use super::arrays::{any_vector, force_rows, matrix, pressure_rows, shaped, vector};
+use super::errors::{failure, input, to_python};
 use super::simulation::{interpolation_by_name, options};
 use crate::batch::{Batch, Channels, Member};
 use crate::error::Error;
@@ -18,9 +18,10 @@ type Samples<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyA
 
 /// The `k`th of `arms`, `inputs` and `times` as `members[k]` = (arm, input, times) say, from `start[k]` and `state[k]` on.
 ///
-/// Returns (lengths, velocities or None, head positions or None, failures, statistics); see `bha.simulate_batch`.
+/// Returns (lengths, velocities or None, head positions or None, head orientations or None, failures, statistics); see
+/// `bha.simulate_batch`.
 #[pyfunction]
-#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, measured = false, threads = 0, instruction_set = None, progress = None))]
+#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, head_orientations = false, measured = false, threads = 0, instruction_set = None, progress = None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
@@ -40,24 +41,28 @@ pub fn simulate_batch<'py>(
     max_steps: Option<u64>,
     velocities: bool,
     head_positions: bool,
+    head_orientations: bool,
     measured: bool,
     threads: usize,
     instruction_set: Option<&str>,
     progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(Blocks<'py>, Option<Blocks<'py>>, Option<Blocks<'py>>, Vec<Option<Py<PyAny>>>, Bound<'py, PyArray2<u64>>)>
-{
+) -> PyResult<(
+    Blocks<'py>,
+    Option<Blocks<'py>>,
+    Option<Blocks<'py>>,
+    Option<Blocks<'py>>,
+    Vec<Option<Py<PyAny>>>,
+    Bound<'py, PyArray2<u64>>,
+)> {
     let interpolation = interpolation_by_name(py, interpolation)?;
     let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
     let arms: Vec<_> = arms.iter().map(|a| a.get().arm.clone()).collect();
     let Some(first) = arms.first() else { return Err(input(py, "arms: none; at least one is needed".to_owned())) };
     let (columns, pressure_count) = (first.coordinates(), first.inputs);
     let read = |(k, (time, pressures, forces)): (usize, &Samples<'py>)| -> PyResult<Arc<Input>> {
-        let time = any_vector(time, &format!("inputs[{k}].time"))?.as_slice()?.to_vec();
-        let pressures = rows(pressures, &format!("inputs[{k}].pressures"), pressure_count)?.as_slice()?.to_vec();
-        let forces = match forces {
-            Some(f) => (rows(f, &format!("inputs[{k}].forces"), columns)?.as_slice()?.to_vec(), columns),
-            None => (Vec::new(), 0),
-        };
+        let time = any_vector(time, &format!("inputs[{k}].time"))?;
+        let pressures = pressure_rows(pressures, &format!("inputs[{k}].pressures"), pressure_count)?;
+        let forces = force_rows(forces.as_ref(), &format!("inputs[{k}].forces"), columns)?;
         let built = Input::new(time, (pressures, pressure_count), forces, interpolation);
         Ok(Arc::new(built.map_err(|e| to_python(py, &e))?))
     };
@@ -65,15 +70,13 @@ pub fn simulate_batch<'py>(
     let times = times
         .iter()
         .enumerate()
-        .map(|(k, t)| Ok(any_vector(t, &format!("times[{k}]"))?.as_slice()?.to_vec()))
+        .map(|(k, t)| Ok(any_vector(t, &format!("times[{k}]"))?))
         .collect::<PyResult<Vec<_>>>()?;
     let start = vector(start, "start", members.len())?;
-    let start = start.as_slice()?;
-    let state = state.map(|x| super::arrays::matrix(x, "x0", (members.len(), 2 * columns))).transpose()?;
-    let state = state.as_ref().map(|x| x.as_slice()).transpose()?;
+    let state = state.map(|x| matrix(x, "x0", (members.len(), 2 * columns))).transpose()?;
     let build = |(k, &(arm, input, set)): (usize, &(usize, usize, usize))| {
         let times = times.get(set).ok_or_else(|| Error::Input(format!("member {k} wants times {set}; there are none")));
-        let state = state.map(|x| &x[2 * columns * k..2 * columns * (k + 1)]);
+        let state = state.as_ref().map(|x| &x[2 * columns * k..2 * columns * (k + 1)]);
         Ok(Member { arm, input, start: start[k], state, times: times? })
     };
     let members = members.iter().enumerate().map(build).collect::<Result<Vec<_>, Error>>();
@@ -84,7 +87,7 @@ pub fn simulate_batch<'py>(
         inputs: &inputs,
         members: &members,
         options,
-        channels: Channels { velocities, head_positions, measured },
+        channels: Channels { velocities, head_positions, orientations: head_orientations, measured },
         instruction_set: instruction_set_by_name(py, instruction_set)?,
     };
     let mut signal: Option<PyErr> = None;
@@ -107,14 +110,15 @@ pub fn simulate_batch<'py>(
     }
     let out = outcome.map_err(|e| to_python(py, &e))?;
     let shape = [count, out.rows, columns];
-    let optional = |wanted: bool, values| if wanted { shaped(py, values, shape).map(Some) } else { Ok(None) };
-    let failure = |e: &Option<Error>| e.as_ref().map(|e| to_python(py, e).into_value(py).into_any());
+    let optional = |wanted: bool, values, shape| if wanted { shaped(py, values, shape).map(Some) } else { Ok(None) };
+    let failed = |e: &Option<Error>| e.as_ref().map(|e| failure(py, e)).transpose();
     let counts = out.statistics.iter().flat_map(|s| [s.steps, s.rejected_steps, s.evaluations]).collect::<Vec<_>>();
     Ok((
         shaped(py, out.lengths, shape)?,
-        optional(velocities, out.velocities)?,
-        optional(head_positions, out.head_positions)?,
-        out.failures.iter().map(failure).collect(),
+        optional(velocities, out.velocities, shape)?,
+        optional(head_positions, out.head_positions, shape)?,
+        optional(head_orientations, out.head_orientations, [count, out.rows, columns / 3 * 4])?,
+        out.failures.iter().map(failed).collect::<PyResult<_>>()?,
         numpy::PyArrayMethods::reshape(&numpy::IntoPyArray::into_pyarray(counts, py), [count, 3])?,
     ))
 }

@@ -1,8 +1,9 @@
 //! The classes `Stepper` and `Controller`, and the functions of control.
 
 use super::arm::PyArm;
-use super::arrays::{any_vector, matrix, rows, shaped, small, vector};
-use super::errors::{input, to_python};
+use super::arrays::{absolute, any_matrix, finite, matrix, pressures, rows, shaped, small, vector};
+use super::errors::{failure, input, to_python};
+use super::signals::{Shared, Signals};
 use crate::closed_loop::{self as core_loop, Exchange, Reference, Sensors, Stepper};
 use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
@@ -10,30 +11,27 @@ use crate::control::{Controller, ControllerParameters, Limits, Target, lineariza
 use crate::error::Error;
 use crate::fleet::{Fleet, Start, Stepping};
 use crate::linear::Vec3;
+use crate::memory::reserved;
+use crate::watch::left_behind;
 use nalgebra::DMatrix;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::atomic::AtomicBool;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
-fn busy(py: Python<'_>, what: &str) -> PyErr {
-    input(py, format!("this {what} is used by another thread; give each thread its own"))
-}
+/// Steps times coordinates up to which a call is so short (a millisecond or so) that it keeps the interpreter: getting it back
+/// can take longer where other threads want it too.
+const SHORT: f64 = 5000.0;
 
 /// A plant that is stepped from outside.
 #[pyclass(name = "Stepper", module = "bha._core", frozen, subclass)]
 pub struct PyStepper {
-    stepper: Mutex<Stepper>,
+    stepper: Shared<Stepper>,
     coordinates: usize,
     inputs: usize,
-}
-
-impl PyStepper {
-    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Stepper>> {
-        self.stepper.try_lock().map_err(|_| busy(py, "stepper"))
-    }
+    step: f64,
 }
 
 #[pymethods]
@@ -43,8 +41,9 @@ impl PyStepper {
     fn new(arm: &Bound<'_, PyArm>, step: f64) -> PyResult<Self> {
         let arm_core = arm.get().arm.clone();
         let (coordinates, inputs) = (arm_core.coordinates(), arm_core.inputs);
-        let stepper = Stepper::new(arm_core, step).map_err(|e| to_python(arm.py(), &e))?;
-        Ok(Self { stepper: Mutex::new(stepper), coordinates, inputs })
+        let py = arm.py();
+        let stepper = py.detach(|| Stepper::new(arm_core, step)).map_err(|e| to_python(py, &e))?;
+        Ok(Self { stepper: Shared::new("stepper", stepper), coordinates, inputs, step })
     }
 
     /// Time 0, pressures `p` (inputs,) in all chambers, lengths `q` (3n,), at rest under `p` if None, and rates `qd`.
@@ -56,14 +55,15 @@ impl PyStepper {
         qd: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let py = p.py();
-        let p = vector(p, "p", self.inputs)?;
+        let p = pressures(p, "p", self.inputs)?;
         let q = q.map(|q| vector(q, "q", self.coordinates)).transpose()?;
         let qd = qd.map(|q| vector(q, "qd", self.coordinates)).transpose()?;
-        let q = q.as_ref().map(|q| q.as_slice()).transpose()?;
-        let qd = qd.as_ref().map(|q| q.as_slice()).transpose()?;
-        let mut stepper = self.lock(py)?;
-        stepper.reset(q, qd, p.as_slice()?).map_err(|e| to_python(py, &e))?;
-        Ok(observation(py, &stepper))
+        let mut turn = self.stepper.turn(py)?;
+        let (stepper, mut signals) = (&mut *turn, Signals::new());
+        let result = py.detach(|| stepper.reset(q.as_deref(), qd.as_deref(), &p, &mut || signals.stop()));
+        signals.result()?;
+        result.map_err(|e| to_python(py, &e))?;
+        Ok(observation(py, stepper))
     }
 
     /// Holds the commanded pressures `p` (inputs,), Pa absolute, for `dt` s; returns lengths, then acting pressures.
@@ -72,31 +72,36 @@ impl PyStepper {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(input(py, format!("dt: {dt}; a positive number of seconds is needed")));
         }
-        let p = vector(p, "p", self.inputs)?;
-        let mut stepper = self.lock(py)?;
-        stepper.step(p.as_slice()?, dt).map_err(|e| to_python(py, &e))?;
-        Ok(observation(py, &stepper))
+        let p = pressures(p, "p", self.inputs)?;
+        let mut turn = self.stepper.turn(py)?;
+        let (stepper, mut signals) = (&mut *turn, Signals::new());
+        let mut work = || stepper.step(&p, dt, &mut || signals.stop());
+        let short = dt / self.step * self.coordinates as f64 <= SHORT;
+        let result = if short { work() } else { py.detach(work) };
+        signals.result()?;
+        result.map_err(|e| to_python(py, &e))?;
+        Ok(observation(py, stepper))
     }
 
     /// Time since the reset, s.
     #[getter]
     fn time(&self, py: Python<'_>) -> PyResult<f64> {
-        Ok(self.lock(py)?.time())
+        Ok(self.stepper.turn(py)?.time())
     }
     /// Lengths (3n,), m.
     #[getter]
     fn lengths<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
-        Ok(small(py, self.lock(py)?.lengths()))
+        Ok(small(py, self.stepper.turn(py)?.lengths()))
     }
     /// Rates (3n,), m/s.
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
-        Ok(small(py, self.lock(py)?.rates()))
+        Ok(small(py, self.stepper.turn(py)?.rates()))
     }
     /// Acting pressures (inputs,), Pa absolute.
     #[getter]
     fn pressures<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
-        Ok(small(py, self.lock(py)?.pressures()))
+        Ok(small(py, self.stepper.turn(py)?.pressures()))
     }
 }
 
@@ -115,7 +120,7 @@ fn observation<'py>(py: Python<'py>, stepper: &Stepper) -> Vector<'py> {
 /// Many plants of one arm, stepped together.
 #[pyclass(name = "Fleet", module = "bha._core", frozen)]
 pub struct PyFleet {
-    fleet: Mutex<Fleet>,
+    fleet: Shared<Fleet>,
 }
 
 #[pymethods]
@@ -136,19 +141,20 @@ impl PyFleet {
         let stepping = Stepping::by_name(method)
             .ok_or_else(|| input(py, format!("method: {method:?}; \"rk4\" and \"symplectic_euler\" are allowed")))?;
         let arm = arm.get().arm.clone();
-        let (q, p) = (vector(q, "q", arm.coordinates())?, vector(p, "p", arm.inputs)?);
-        let start = Start { q: q.as_slice()?, p: p.as_slice()? };
-        let fleet = Fleet::new(&arm, count, start, (stepping, step), threads).map_err(|e| to_python(py, &e))?;
-        Ok(Self { fleet: Mutex::new(fleet) })
+        let (q, p) = (vector(q, "q", arm.coordinates())?, pressures(p, "p", arm.inputs)?);
+        let start = Start { q: &q, p: &p };
+        let fleet = py.detach(|| Fleet::new(&arm, count, start, (stepping, step), threads));
+        Ok(Self { fleet: Shared::new("fleet", fleet.map_err(|e| to_python(py, &e))?) })
     }
 
     /// Puts plants `indices` (k,) at rest at lengths `q` (k, 3n) under pressures `p` (k, inputs); returns the rows of all.
     fn reset<'py>(&self, indices: Vec<usize>, q: &Bound<'py, PyAny>, p: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
         let py = q.py();
-        let mut fleet = self.fleet.try_lock().map_err(|_| busy(py, "fleet"))?;
+        let mut fleet = self.fleet.turn(py)?;
         let (m, inputs, count) = (fleet.coordinates(), fleet.inputs(), fleet.count());
-        let (q, p) = (matrix(q, "q", (indices.len(), m))?, matrix(p, "p", (indices.len(), inputs))?);
-        let rows = q.as_slice()?.chunks_exact(m).zip(p.as_slice()?.chunks_exact(inputs));
+        let q = matrix(q, "q", (indices.len(), m))?;
+        let p = absolute(py, "p", matrix(p, "p", (indices.len(), inputs))?)?;
+        let rows = q.chunks_exact(m).zip(p.chunks_exact(inputs));
         for (&k, (q, p)) in indices.iter().zip(rows) {
             if k >= count {
                 return Err(input(py, format!("indices: {k}; 0 to {} are allowed", count - 1)));
@@ -167,18 +173,14 @@ impl PyFleet {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(input(py, format!("dt: {dt}; a positive number of seconds is needed")));
         }
-        let (count, width, inputs) = {
-            let fleet = self.fleet.try_lock().map_err(|_| busy(py, "fleet"))?;
-            (fleet.count(), fleet.width(), fleet.inputs())
-        };
-        let p = matrix(p, "p", (count, inputs))?;
-        let p = p.as_slice()?;
+        let mut turn = self.fleet.turn(py)?;
+        let (count, width, inputs) = (turn.count(), turn.width(), turn.inputs());
+        let p = absolute(py, "p", matrix(p, "p", (count, inputs))?)?;
         let (mut failed, mut out) = (vec![false; count], vec![0.0; count * width]);
-        let done =
-            py.detach(|| self.fleet.try_lock().map(|mut fleet| fleet.step(p, dt, &mut failed, &mut out)).is_ok());
-        if !done {
-            return Err(busy(py, "fleet"));
-        }
+        let (fleet, mut signals) = (&mut *turn, Signals::new());
+        let result = py.detach(|| fleet.step(&p, dt, &mut failed, &mut out, &mut || signals.stop()));
+        signals.result()?;
+        result.map_err(|e| to_python(py, &e))?;
         Ok((shaped(py, out, [count, width])?, failed.into_pyarray(py)))
     }
 }
@@ -186,7 +188,7 @@ impl PyFleet {
 /// A controller of the core.
 #[pyclass(name = "Controller", module = "bha._core", frozen)]
 pub struct PyController {
-    controller: Mutex<Controller>,
+    controller: Shared<Controller>,
     coordinates: usize,
     inputs: usize,
 }
@@ -200,13 +202,13 @@ impl PyController {
             serde_json::from_str(parameters_json).map_err(|e| input(py, format!("controller: {e}")))?;
         let arm = arm.get().arm.clone();
         let (coordinates, inputs) = (arm.coordinates(), arm.inputs);
-        let controller = Controller::new(arm, parameters).map_err(|e| to_python(py, &e))?;
-        Ok(Self { controller: Mutex::new(controller), coordinates, inputs })
+        let controller = py.detach(|| Controller::new(arm, parameters)).map_err(|e| to_python(py, &e))?;
+        Ok(Self { controller: Shared::new("controller", controller), coordinates, inputs })
     }
 
     /// Begins anew.
     fn reset(&self, py: Python<'_>) -> PyResult<()> {
-        self.controller.try_lock().map_err(|_| busy(py, "controller"))?.reset();
+        self.controller.turn(py)?.reset();
         Ok(())
     }
 
@@ -218,27 +220,27 @@ impl PyController {
         target: &Bound<'py, PyAny>,
     ) -> PyResult<Vector<'py>> {
         let (py, m) = (lengths.py(), self.coordinates);
-        let (q, p) = (vector(lengths, "lengths", m)?, vector(pressures, "pressures", self.inputs)?);
-        let target = matrix(target, "target", (3, m))?;
-        let rows = target.as_slice()?;
+        let q = vector(lengths, "lengths", m)?;
+        let p = absolute(py, "pressures", vector(pressures, "pressures", self.inputs)?)?;
+        let rows = matrix(target, "target", (3, m))?;
         let target = Target { q: &rows[..m], qd: &rows[m..2 * m], qdd: &rows[2 * m..] };
         let mut out = vec![0.0; self.inputs];
-        let mut controller = self.controller.try_lock().map_err(|_| busy(py, "controller"))?;
-        controller.step(q.as_slice()?, p.as_slice()?, target, &mut out).map_err(|e| to_python(py, &e))?;
+        let mut controller = self.controller.turn(py)?;
+        controller.step(&q, &p, target, &mut out).map_err(|e| to_python(py, &e))?;
         Ok(small(py, &out))
     }
 
     /// Which inputs are at a limit (inputs,): -1 lowest, 1 highest, 0 neither.
     #[getter]
     fn at_limit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<i8>>> {
-        let controller = self.controller.try_lock().map_err(|_| busy(py, "controller"))?;
+        let controller = self.controller.turn(py)?;
         Ok(PyArray1::from_slice(py, controller.at_limit()))
     }
 
     /// The observer's lengths, rates and unexplained accelerations (3, 3n).
     #[getter]
     fn estimate<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        let controller = self.controller.try_lock().map_err(|_| busy(py, "controller"))?;
+        let controller = self.controller.turn(py)?;
         let o = controller.observer();
         shaped(py, [o.lengths(), o.rates(), o.disturbance()].concat(), [3, self.coordinates])
     }
@@ -247,7 +249,7 @@ impl PyController {
     /// before the first step and without a model.
     #[getter]
     fn observer_gain<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        let controller = self.controller.try_lock().map_err(|_| busy(py, "controller"))?;
+        let controller = self.controller.turn(py)?;
         let m = self.coordinates;
         shaped(py, controller.observer().gain().to_vec(), [3 * m, m])
     }
@@ -290,11 +292,14 @@ pub fn closed_loop<'py>(
     if !(period.is_finite() && period > 0.0) {
         return Err(input(py, format!("period: {period}; a positive number of seconds is needed")));
     }
-    let reference = rows(reference, "reference", 3 * m)?.as_slice()?.to_vec();
+    let reference = rows(reference, "reference", 3 * m)?;
     let reference = Reference::new(reference, m).map_err(|e| to_python(py, &e))?;
     let plan = (period, reference.len(), decimation);
     let sensors = Sensors { length_noise, pressure_noise, seed };
-    let mut raised: Option<PyErr> = None;
+    let numbers = [reference.len() / decimation.max(1) + 1, 4 * m + 2 * inputs];
+    reserved("rows of the closed loop", &numbers).map_err(|e| to_python(py, &e))?;
+    let mut turn = stepper.stepper.turn(py)?;
+    let (plant, mut signals) = (&mut *turn, Signals::new());
     let (out, result) = if let Ok(core) = controller.cast::<PyController>() {
         let core = core.get();
         if (core.coordinates, core.inputs) != (m, inputs) {
@@ -306,42 +311,37 @@ pub fn closed_loop<'py>(
                 ),
             ));
         }
-        let run = || {
-            let mut plant = stepper.stepper.try_lock().ok()?;
-            let mut controller = core.controller.try_lock().ok()?;
-            let mut control = |x: Exchange<'_>| {
-                let (lengths, pressures) = x.measured.split_at(m);
-                controller.step(lengths, pressures, x.target, x.command)?;
-                x.estimated_velocities.copy_from_slice(controller.observer().rates());
-                x.at_limit.copy_from_slice(controller.at_limit());
-                Ok(())
-            };
-            Some(core_loop::run(&mut plant, sensors, &reference, plan, &mut control, &mut || {
-                raised = Python::attach(|py| py.check_signals()).err();
-                raised.is_some()
-            }))
-        };
-        py.detach(run).ok_or_else(|| busy(py, "stepper or controller"))?
-    } else {
-        let mut plant = stepper.lock(py)?;
+        let mut turn = core.controller.turn(py)?;
+        let controller = &mut *turn;
         let mut control = |x: Exchange<'_>| {
-            let answer = (|| {
-                let p = controller.call1((x.time, PyArray1::from_slice(py, x.measured)))?;
-                let p = vector(&p, "controller(t, y)", inputs)?;
-                x.command.copy_from_slice(p.as_slice()?);
+            let (lengths, pressures) = x.measured.split_at(m);
+            controller.step(lengths, pressures, x.target, x.command)?;
+            x.estimated_velocities.copy_from_slice(controller.observer().rates());
+            x.at_limit.copy_from_slice(controller.at_limit());
+            Ok(())
+        };
+        py.detach(|| core_loop::run(plant, sensors, &reference, plan, &mut control, &mut || signals.stop()))
+    } else {
+        let (callable, mut raised) = (controller.clone().unbind(), None);
+        let mut control = |x: Exchange<'_>| {
+            let answer = Python::attach(|py| {
+                let p = callable.bind(py).call1((x.time, PyArray1::from_slice(py, x.measured)))?;
+                x.command.copy_from_slice(&pressures(&p, "controller(t, y)", inputs)?);
                 Ok(())
-            })();
+            });
             answer.map_err(|error: PyErr| {
                 raised = Some(error);
                 Error::Interrupted
             })
         };
-        core_loop::run(&mut plant, sensors, &reference, plan, &mut control, &mut || false)
+        let done = py.detach(|| core_loop::run(plant, sensors, &reference, plan, &mut control, &mut || signals.stop()));
+        if let Some(error) = raised {
+            return Err(error);
+        }
+        done
     };
-    if let Some(error) = raised {
-        return Err(error);
-    }
-    let failure = result.err().map(|e| to_python(py, &e).into_value(py).into_any());
+    signals.result()?;
+    let failure = result.err().map(|e| failure(py, &e)).transpose()?;
     let count = out.count;
     Ok((
         shaped(py, out.lengths, [count, m])?,
@@ -362,9 +362,9 @@ fn limits(
     preferred: &Bound<'_, PyAny>,
 ) -> PyResult<Limits> {
     Ok(Limits {
-        low: vector(low, "low", inputs)?.as_slice()?.to_vec(),
-        high: vector(high, "high", inputs)?.as_slice()?.to_vec(),
-        preferred: vector(preferred, "preferred", inputs)?.as_slice()?.to_vec(),
+        low: vector(low, "low", inputs)?,
+        high: vector(high, "high", inputs)?,
+        preferred: vector(preferred, "preferred", inputs)?,
     })
 }
 
@@ -380,7 +380,10 @@ pub fn rest_near<'py>(
     let (py, arm) = (q.py(), &arm.get().arm);
     let q = vector(q, "q", arm.coordinates())?;
     let limits = limits(arm.inputs, low, high, preferred)?;
-    let (p, rest) = core_loop::rest_near(arm, q.as_slice()?, &limits).map_err(|e| to_python(py, &e))?;
+    let mut signals = Signals::new();
+    let found = py.detach(|| core_loop::rest_near(arm, &q, &limits, &mut || signals.stop()));
+    signals.result()?;
+    let (p, rest) = found.map_err(|e| to_python(py, &e))?;
     Ok((small(py, &p), small(py, &rest)))
 }
 
@@ -399,37 +402,43 @@ pub fn resolved_motion<'py>(
     let (py, arm) = (positions.py(), arm.get().arm.clone());
     let m = arm.coordinates();
     let positions = rows(positions, "positions", 3)?;
-    let count = positions.shape()[0];
+    let count = positions.len() / 3;
     let directions = directions.map(|d| matrix(d, "directions", (count, 3))).transpose()?;
     let (low, high) = (vector(low, "low", m)?, vector(high, "high", m)?);
-    let mut q = vector(start, "start", m)?.as_slice()?.to_vec();
-    let mut solver = ResolvedMotion::new(&arm, Vec3(offset), low.as_slice()?, high.as_slice()?);
-    let positions = positions.as_slice()?;
-    let directions = directions.as_ref().map(|d| d.as_slice()).transpose()?;
-    let mut out = Vec::with_capacity(count * m);
+    let mut q = vector(start, "start", m)?;
+    let offset = finite(py, "offset", offset)?;
+    let mut solver = ResolvedMotion::new(&arm, Vec3(offset), &low, &high);
+    let mut out = reserved("lengths", &[count, m]).map_err(|e| to_python(py, &e))?;
     let at = |x: &[f64], k: usize| Vec3([x[3 * k], x[3 * k + 1], x[3 * k + 2]]);
-    for k in 0..count {
-        if k % 256 == 0 {
-            py.check_signals()?;
-        }
-        let direction = match directions.map(|d| at(d, k)) {
-            None => None,
-            Some(d) => {
-                let size = d.dot(d).sqrt();
-                if size < 1e-12 {
-                    return Err(input(py, format!("directions: row {k} is zero; a direction is needed")));
-                }
-                Some(d * (1.0 / size))
+    let mut signals = Signals::new();
+    let mut work = || -> Result<(), Error> {
+        for k in 0..count {
+            if signals.stop() {
+                return Err(Error::Interrupted);
             }
-        };
-        let tip = Tip { position: at(positions, k), direction };
-        solver.solve(&arm, &tip, &mut q).map_err(|e| match e {
-            Error::Convergence(text) => to_python(py, &Error::Convergence(format!("row {k}: {text}"))),
-            other => to_python(py, &other),
-        })?;
-        out.extend_from_slice(&q);
-    }
-    shaped(py, out, [count, m])
+            let direction = match directions.as_ref().map(|d| at(d, k)) {
+                None => None,
+                Some(d) => {
+                    let size = d.dot(d).sqrt();
+                    if size < 1e-12 {
+                        return Err(Error::Input(format!("directions: row {k} is zero; a direction is needed")));
+                    }
+                    Some(d * (1.0 / size))
+                }
+            };
+            let tip = Tip { position: at(&positions, k), direction };
+            solver.solve(&arm, &tip, &mut q).map_err(|e| match e {
+                Error::Convergence(text) => Error::Convergence(format!("row {k}: {text}")),
+                other => other,
+            })?;
+            out.extend_from_slice(&q);
+        }
+        Ok(())
+    };
+    let result = py.detach(&mut work);
+    signals.result()?;
+    result.map_err(|e| to_python(py, &e))?;
+    shaped(py, finite(py, "lengths", out)?, [count, m])
 }
 
 /// A (6n, 6n) and B (6n, inputs) of x' = A x + B p around a state; with a period, of x_{k+1} = A x_k + B p_k.
@@ -444,14 +453,18 @@ pub fn linearize<'py>(
 ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
     let (py, arm) = (q.py(), &arm.get().arm);
     let m = arm.coordinates();
-    let (q, qd, p) = (vector(q, "q", m)?, vector(qd, "qd", m)?, vector(p, "p", arm.inputs)?);
-    let linear = linearization::linearize(arm, q.as_slice()?, qd.as_slice()?, p.as_slice()?);
-    let (a, b) = match period {
-        None => (linear.state, linear.input),
-        Some(h) if h.is_finite() && h > 0.0 => linear.discretized(h),
-        Some(h) => return Err(input(py, format!("period: {h}; a positive number of seconds is needed"))),
-    };
-    Ok((out(py, &a)?, out(py, &b)?))
+    let (q, qd, p) = (vector(q, "q", m)?, vector(qd, "qd", m)?, pressures(p, "p", arm.inputs)?);
+    if let Some(h) = period.filter(|h| !(h.is_finite() && *h > 0.0)) {
+        return Err(input(py, format!("period: {h}; a positive number of seconds is needed")));
+    }
+    let (a, b) = py.detach(|| {
+        let linear = linearization::linearize(arm, &q, &qd, &p);
+        match period {
+            None => (linear.state, linear.input),
+            Some(h) => linear.discretized(h),
+        }
+    });
+    Ok((out(py, "A", &a)?, out(py, "B", &b)?))
 }
 
 /// K (inputs, states) of u = -K x for x_{k+1} = A x_k + B u_k, cost sum x^T Q x + u^T R u.
@@ -463,17 +476,25 @@ pub fn linear_quadratic_gain<'py>(
     r: &Bound<'py, PyAny>,
 ) -> PyResult<Matrix<'py>> {
     let py = a.py();
-    let states: usize = a.len()?;
-    let inputs = any_vector(&b.get_item(0)?, "b[0]")?.len();
-    let read = |x: &Bound<'py, PyAny>, name: &str, r: usize, c: usize| -> PyResult<DMatrix<f64>> {
-        Ok(DMatrix::from_row_slice(r, c, matrix(x, name, (r, c))?.as_slice()?))
-    };
-    let (a, b) = (read(a, "a", states, states)?, read(b, "b", states, inputs)?);
-    let (q, r) = (read(q, "q", states, states)?, read(r, "r", inputs, inputs)?);
-    let gain = regulator_gain(&a, &b, &q, &r).map_err(|e| to_python(py, &e))?;
-    out(py, &gain)
+    let (a, states) = any_matrix(a, "a")?;
+    let (b, rows) = any_matrix(b, "b")?;
+    let inputs = b.len() / rows.max(1);
+    if a.len() != states * states || rows != states || inputs == 0 {
+        let text = "a and b: shapes (states, states) and (states, inputs) with at least one of each are needed";
+        return Err(input(py, format!("{text}, found {} numbers in {states} rows and {} in {rows}", a.len(), b.len())));
+    }
+    let (q, r) = (matrix(q, "q", (states, states))?, matrix(r, "r", (inputs, inputs))?);
+    let square = |values: &[f64], rows| DMatrix::from_row_slice(rows, values.len() / rows, values);
+    let (a, b, q, r) = (square(&a, states), square(&b, states), square(&q, states), square(&r, inputs));
+    let mut signals = Signals::new();
+    let work = move |stop: &AtomicBool| regulator_gain(&a, &b, &q, &r, stop);
+    let gain = py.detach(|| left_behind(work, &mut || signals.stop()));
+    signals.result()?;
+    let gain = gain.unwrap_or(Err(Error::Interrupted)).map_err(|e| to_python(py, &e))?;
+    out(py, "gain", &gain)
 }
 
-fn out<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Matrix<'py>> {
-    shaped(py, matrix.transpose().as_slice().to_vec(), [matrix.nrows(), matrix.ncols()])
+fn out<'py>(py: Python<'py>, name: &str, matrix: &DMatrix<f64>) -> PyResult<Matrix<'py>> {
+    let values = finite(py, name, matrix.transpose().as_slice().to_vec())?;
+    shaped(py, values, [matrix.nrows(), matrix.ncols()])
 }

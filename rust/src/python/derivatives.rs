@@ -1,14 +1,16 @@
 //! The classes behind `Arm.forward_dynamics_derivatives` and `bha.sensitivities`.
 
 use super::arm::PyArm;
-use super::arrays::{any_vector, matrix, rows, shaped, small, vector};
+use super::arrays::{any_vector, finite, force_rows, matrix, pressure_rows, pressures, shaped, small, vector};
 use super::batch::instruction_set_by_name;
 use super::errors::{input, to_python};
+use super::signals::Signals;
 use super::simulation::{interpolation_by_name, options};
 use crate::abreast::tangent;
 use crate::dynamics::derivatives::{self, Point};
 use crate::input::Input;
 use crate::linear::Vec3;
+use crate::memory::reserved;
 use crate::sensitivity::{Direction, Trajectory};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -63,16 +65,14 @@ impl Differentiator {
     ) -> PyResult<(Vector<'py>, Matrix<'py>)> {
         let (py, n) = (q.py(), 3 * self.sections);
         let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
-        let p = vector(p, "p", self.inputs)?;
+        let p = pressures(p, "p", self.inputs)?;
         let f = f_ext.map(|f| matrix(f, "f_ext", (self.sections, 3))).transpose()?;
-        let f: Option<Vec<_>> = match &f {
-            Some(f) => Some(f.as_slice()?.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect()),
-            None => None,
-        };
-        let at = Point { q: q.as_slice()?, qd: qd.as_slice()?, p: p.as_slice()?, f_ext: f.as_deref() };
+        let f: Option<Vec<_>> = f.map(|f| f.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect());
+        let at = Point { q: &q, qd: &qd, p: &p, f_ext: f.as_deref() };
         let directions = 2 * n + self.inputs + self.tangents;
         let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; directions * n]);
         self.inner.lock().unwrap_or_else(std::sync::PoisonError::into_inner).run(at, &mut qdd, &mut out);
+        let (qdd, out) = (finite(py, "acceleration", qdd)?, finite(py, "derivatives of the acceleration", out)?);
         Ok((small(py, &qdd), shaped(py, out, [directions, n])?))
     }
 }
@@ -106,38 +106,29 @@ pub fn sensitivities<'py>(
     let options = options(py, method, step, (rtol, atol), (1e-10, f64::INFINITY), max_steps)?;
     let interpolation = interpolation_by_name(py, interpolation)?;
     let tangents = tangents(py, &differences)?;
-    let times = any_vector(times, "times")?.as_slice()?.to_vec();
-    let pressures = rows(pressures, "pressures", inputs)?.as_slice()?.to_vec();
-    let forces = match forces {
-        Some(f) => (rows(f, "forces", columns)?.as_slice()?.to_vec(), columns),
-        None => (Vec::new(), 0),
-    };
+    let times = any_vector(times, "times")?;
+    let pressures = pressure_rows(pressures, "pressures", inputs)?;
+    let forces = force_rows(forces, "forces", columns)?;
     let drive = Input::new(times, (pressures, inputs), forces, interpolation).map_err(|e| to_python(py, &e))?;
     let output_times = any_vector(output_times, "times")?;
     let state = vector(state, "x0", size)?;
     let seeds = matrix(directions, "derivatives of x0", (parameter_of.len(), size))?;
     let nothing: &[f64] = &[];
     let directions: Vec<_> = seeds
-        .as_slice()?
         .chunks_exact(size)
         .zip(&parameter_of)
         .map(|(state, k)| Direction { tangent: k.and_then(|k| tangents.get(k)).map_or(nothing, Vec::as_slice), state })
         .collect();
-    let (state, output_times) = (state.as_slice()?, output_times.as_slice()?);
-    let mut signal: Option<PyErr> = None;
+    let (state, output_times) = (&state[..], &output_times[..]);
+    let numbers = [directions.len() + 1, output_times.len(), size];
+    reserved("rows of the sensitivities", &numbers).map_err(|e| to_python(py, &e))?;
+    let mut signals = Signals::new();
     let result = py.detach(|| {
         let (arm, input) = (&*arm, &Arc::new(drive));
         let trajectory = Trajectory { arm, input, options, start, state, times: output_times };
-        trajectory.differentiate(&directions, &mut || {
-            if signal.is_none() {
-                signal = Python::attach(|py| py.check_signals()).err();
-            }
-            signal.is_some()
-        })
+        trajectory.differentiate(&directions, &mut || signals.stop())
     });
-    if let Some(error) = signal {
-        return Err(error);
-    }
+    signals.result()?;
     let (values, out) = result.map_err(|e| to_python(py, &e))?;
     let rows = output_times.len();
     Ok((shaped(py, values, [rows, size])?, shaped(py, out, [directions.len(), rows, size])?))

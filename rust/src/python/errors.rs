@@ -10,6 +10,7 @@ fn class<'py>(py: Python<'py>, cell: &'static PyOnceLock<Py<PyType>>, name: &str
     cell.import(py, "bha.errors", name)
 }
 
+static BASE: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 static PARAMETER: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 static INPUT: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 static SIMULATION: PyOnceLock<Py<PyType>> = PyOnceLock::new();
@@ -33,6 +34,18 @@ pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
         },
         Err(import) => import,
     }
+}
+
+/// `error` as an exception to hand over rather than to raise.
+///
+/// # Errors
+/// What came up while the exception was made, since that runs Python code: Ctrl-C above all, which must not be taken for it.
+pub fn failure(py: Python<'_>, error: &Error) -> PyResult<Py<PyAny>> {
+    let made = to_python(py, error).into_value(py).into_any();
+    if made.bind(py).is_instance(class(py, &BASE, "BhaError")?)? {
+        return Ok(made);
+    }
+    Err(PyErr::from_value(made.into_bound(py)))
 }
 
 /// A `LogError`.

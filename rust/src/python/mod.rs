@@ -7,6 +7,7 @@ mod control;
 mod derivatives;
 mod effects;
 mod errors;
+mod signals;
 mod simulation;
 mod table;
 mod virtual_arm;

@@ -1,14 +1,16 @@
 //! The class `Simulation`: a run that can be advanced piece by piece.
 
 use super::arm::PyArm;
-use super::arrays::{any_vector, rows, shaped, vector};
-use super::errors::{input, to_python};
+use super::arrays::{any_vector, force_rows, pressure_rows, shaped, vector};
+use super::errors::{failure, input, to_python};
+use super::signals::Signals;
 use crate::error::Error;
 use crate::input::{Input, Interpolation};
 use crate::integrate::{Method, Options};
+use crate::memory::reserved;
 use crate::simulate::Simulation;
-use numpy::PyArray2;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
 
 /// A simulation under way.
@@ -18,8 +20,6 @@ pub struct PySimulation {
     sections: usize,
     inputs: usize,
 }
-
-type Block<'py> = Bound<'py, PyArray2<f64>>;
 
 #[pymethods]
 impl PySimulation {
@@ -48,13 +48,9 @@ impl PySimulation {
         let (sections, inputs) = (arm.sections.len(), arm.inputs);
         let interpolation = interpolation_by_name(py, interpolation)?;
         let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
-        let times = any_vector(times, "times")?.as_slice()?.to_vec();
-        let pressures = rows(pressures, "pressures", inputs)?.as_slice()?.to_vec();
-        let forces = forces.map(|f| rows(f, "forces", 3 * sections)).transpose()?;
-        let forces = match &forces {
-            Some(f) => (f.as_slice()?.to_vec(), 3 * sections),
-            None => (Vec::new(), 0),
-        };
+        let times = any_vector(times, "times")?;
+        let pressures = pressure_rows(pressures, "pressures", inputs)?;
+        let forces = force_rows(forces, "forces", 3 * sections)?;
         let q = q.map(|q| vector(q, "q", 3 * sections)).transpose()?;
         let qd = qd.map(|q| vector(q, "qd", 3 * sections)).transpose()?;
         let build = || {
@@ -63,24 +59,20 @@ impl PySimulation {
             if !start.is_finite() {
                 return Err(Error::Input(format!("start: {start}; a finite time is needed")));
             }
-            let q = q.as_ref().map(|q| q.as_slice()).transpose().map_err(|e| Error::Input(e.to_string()))?;
-            let qd = qd.as_ref().map(|q| q.as_slice()).transpose().map_err(|e| Error::Input(e.to_string()))?;
-            Simulation::new(arm, Arc::new(input), options, start, q, qd)
+            Simulation::new(arm, Arc::new(input), options, start, q.as_deref(), qd.as_deref())
         };
-        let simulation = Mutex::new(build().map_err(|e| to_python(py, &e))?);
+        let simulation = Mutex::new(py.detach(build).map_err(|e| to_python(py, &e))?);
         Ok(Self { simulation, sections, inputs })
     }
 
-    /// Goes on to the last of `times` and returns (lengths, velocities, pressures, head_positions, measured_lengths, failure): a row at each
-    /// time reached (measured_lengths: None where no effect acts on sensors), and None or the `SimulationError` that ended the run.
-    #[allow(clippy::type_complexity)]
-    fn advance<'py>(
-        &self,
-        times: &Bound<'py, PyAny>,
-    ) -> PyResult<(Block<'py>, Block<'py>, Block<'py>, Block<'py>, Option<Block<'py>>, Option<Py<PyAny>>)> {
+    /// Goes on to the last of `times` and returns the rows by the names of the attributes of `Trajectory`, a row at each time
+    /// reached (measured ones only where an effect acts on them), and None or the `SimulationError` that ended the run.
+    fn advance<'py>(&self, times: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyDict>, Option<Py<PyAny>>)> {
         let py = times.py();
-        let times = any_vector(times, "times")?.as_slice()?.to_vec();
-        let mut signal: Option<PyErr> = None;
+        let times = any_vector(times, "times")?;
+        let columns = 3 * (3 * self.sections) + self.inputs;
+        reserved("rows of the simulation", &[times.len(), columns]).map_err(|e| to_python(py, &e))?;
+        let mut signals = Signals::new();
         // The lock is never waited for: a thread that waited while attached would block the signal check of the other.
         let outcome = py.detach(|| {
             let mut simulation = self.simulation.try_lock().ok()?;
@@ -88,27 +80,37 @@ impl PySimulation {
             if times.first().is_some_and(|t| *t < earliest) || times.windows(2).any(|w| w[1] < w[0]) {
                 return Some(Err(format!("times: they must ascend and not lie before {earliest} s")));
             }
-            Some(Ok(simulation.advance(&times, &mut || {
-                signal = Python::attach(|py| py.check_signals()).err();
-                signal.is_some()
-            })))
+            Some(Ok(simulation.advance(&times, &mut || signals.stop())))
         });
-        if let Some(error) = signal {
-            return Err(error);
-        }
+        signals.result()?;
         let (rows, result) = outcome.ok_or_else(|| busy(py))?.map_err(|text| input(py, text))?;
-        let failure = result.err().map(|e| to_python(py, &e).into_value(py).into_any());
-        let (m, n) = (rows.count, 3 * self.sections);
-        let measured = rows.measured_lengths;
-        let measured = (m > 0 && !measured.is_empty()).then(|| shaped(py, measured, [m, n]));
-        Ok((
-            shaped(py, rows.lengths, [m, n])?,
-            shaped(py, rows.velocities, [m, n])?,
-            shaped(py, rows.pressures, [m, self.inputs])?,
-            shaped(py, rows.head_positions, [m, n])?,
-            measured.transpose()?,
-            failure,
-        ))
+        let failure = result.err().map(|e| failure(py, &e)).transpose()?;
+        let (m, n) = (rows.count, self.sections);
+        let out = PyDict::new(py);
+        for (name, values, columns) in [
+            ("lengths", rows.lengths, 3 * n),
+            ("velocities", rows.velocities, 3 * n),
+            ("pressures", rows.pressures, self.inputs),
+        ] {
+            out.set_item(name, shaped(py, values, [m, columns])?)?;
+        }
+        for (name, values, columns) in
+            [("head_positions", rows.head_positions, 3), ("head_orientations", rows.head_orientations, 4)]
+        {
+            out.set_item(name, shaped(py, values, [m, n, columns])?)?;
+        }
+        if !rows.measured_lengths.is_empty() {
+            out.set_item("measured_lengths", shaped(py, rows.measured_lengths, [m, 3 * n])?)?;
+        }
+        for (name, values, columns) in [
+            ("measured_head_positions", rows.measured_head_positions, 3),
+            ("measured_head_orientations", rows.measured_head_orientations, 4),
+        ] {
+            if !values.is_empty() {
+                out.set_item(name, shaped(py, values, [m, n, columns])?)?;
+            }
+        }
+        Ok((out, failure))
     }
 
     /// Counts so far: (steps, rejected_steps, evaluations).

@@ -3,11 +3,12 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use numpy::{IntoPyArray, PyReadonlyArray1};
+use numpy::IntoPyArray;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList};
 
+use super::arrays::any_numbers;
 use super::errors::log;
 use crate::table::{Column, ColumnUse, Fault, ReadColumn, TableError, TableReader, format_rows};
 
@@ -18,26 +19,31 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// Read a table of numbers from a CSV file, plain or gzip.
 ///
-/// `plan` gets the headings and returns for each its use ("skip", "number", "time" or "free"), the least value it may
-/// have, and what to say of a smaller one. `progress` gets the fraction of the file that is done. Returns for each heading an array, None where it
-/// was skipped, or (line, text) where a free column holds something else than numbers; and whether the last line has no
-/// end. Raises LogError; what `plan` and `progress` raise comes back as it is.
+/// `plan` gets the headings and the first lines as they stand, and returns for each heading its use ("skip", "number",
+/// "time" or "free"), the least value it may have, what to say of a smaller one, whether samples may be missing, and
+/// what to say of one that is and may not. `progress` gets the fraction of the file that is done. Errors call the file
+/// `name`. Returns for each heading an array, None where it was skipped, or (line, text) where a free column holds
+/// something else than numbers; and whether the last line has no end. Raises LogError; what `plan` and `progress` raise
+/// comes back as it is.
 #[pyfunction]
-#[pyo3(signature = (path, plan, progress=None))]
+#[pyo3(signature = (path, plan, progress=None, name=None))]
 fn read_table<'py>(
     py: Python<'py>,
     path: PathBuf,
     plan: &Bound<'py, PyAny>,
     progress: Option<Py<PyAny>>,
+    name: Option<String>,
 ) -> PyResult<(Bound<'py, PyList>, bool)> {
-    let name = path.display().to_string();
+    let name = name.unwrap_or_else(|| path.display().to_string());
     let wrong = |py: Python<'_>, error: &TableError| log_error(py, &name, error);
     let reader = TableReader::open(&path).map_err(|error| wrong(py, &error))?;
     let columns = plan
-        .call1((reader.headings().to_vec(),))?
-        .extract::<Vec<(String, f64, String)>>()?
+        .call1((reader.headings().to_vec(), reader.opening().to_vec()))?
+        .extract::<Vec<(String, f64, String, bool, String)>>()?
         .into_iter()
-        .map(|(used, least, hint)| Ok(Column { used: column_use(&used)?, least, hint }))
+        .map(|(used, least, hint, missing, absent)| {
+            Ok(Column { used: column_use(&used)?, least, hint, missing, absent })
+        })
         .collect::<PyResult<Vec<_>>>()?;
     if columns.len() != reader.headings().len() {
         return Err(PyValueError::new_err("the plan must have one entry for each heading"));
@@ -74,10 +80,12 @@ fn read_table<'py>(
 }
 
 /// Lines of text for a block of rows: fields separated by commas, each number in the fewest digits that read back to
-/// the same number, nothing for NaN. `columns` are contiguous float64 arrays of one length.
+/// the same number, nothing for NaN. `columns` are arrays of numbers of one length.
 #[pyfunction]
-fn format_table_rows<'py>(py: Python<'py>, columns: Vec<PyReadonlyArray1<'py, f64>>) -> PyResult<Bound<'py, PyBytes>> {
-    let columns = columns.iter().map(|column| column.as_slice()).collect::<Result<Vec<_>, _>>()?;
+fn format_table_rows<'py>(py: Python<'py>, columns: Vec<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyBytes>> {
+    let read = |(k, column)| any_numbers(column, &format!("columns[{k}]"));
+    let columns = columns.iter().enumerate().map(read).collect::<PyResult<Vec<_>>>()?;
+    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
     if columns.windows(2).any(|pair| pair[0].len() != pair[1].len()) {
         return Err(PyValueError::new_err("the columns differ in length"));
     }

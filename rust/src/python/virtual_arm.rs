@@ -1,7 +1,8 @@
 //! The class `VirtualArm`: what the paper's experiments measure instead of a real arm.
 
-use super::arrays::{any_vector, matrix, rows, shaped, small, vector};
+use super::arrays::{any_vector, force_rows, matrix, pressure_rows, pressures, shaped, small, vector};
 use super::errors::{input, to_python};
+use super::signals::Signals;
 use crate::input::{Input, Interpolation};
 use crate::parameters::ArmParameters;
 use crate::virtual_arm::{Creep, Distributed, State, VirtualArm};
@@ -48,13 +49,10 @@ impl PyVirtualArm {
     #[pyo3(signature = (p, f_ext = None))]
     fn rest<'py>(&self, p: &Bound<'py, PyAny>, f_ext: Option<&Bound<'py, PyAny>>) -> PyResult<Vector<'py>> {
         let (py, sections) = (p.py(), self.arm.coordinates() / 3);
-        let p = vector(p, "p", self.arm.inputs())?;
+        let p = pressures(p, "p", self.arm.inputs())?;
         let f = f_ext.map(|f| matrix(f, "f_ext", (sections, 3))).transpose()?;
-        let f: Vec<[f64; 3]> = match &f {
-            Some(f) => f.as_slice()?.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
-            None => Vec::new(),
-        };
-        let state = self.arm.rest(p.as_slice()?, &f).map_err(|e| to_python(py, &e))?;
+        let f: Vec<[f64; 3]> = f.unwrap_or_default().chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
+        let state = py.detach(|| self.arm.rest(&p, &f)).map_err(|e| to_python(py, &e))?;
         Ok(small(py, &state.lengths))
     }
 
@@ -78,34 +76,23 @@ impl PyVirtualArm {
         if step.is_nan() || step <= 0.0 {
             return Err(input(py, format!("step: {step}; a positive number is needed")));
         }
-        let times = any_vector(times, "times")?.as_slice()?.to_vec();
-        let pressures = rows(pressures, "pressures", self.arm.inputs())?.as_slice()?.to_vec();
-        let forces = forces.map(|f| rows(f, "forces", n)).transpose()?;
-        let forces = match &forces {
-            Some(f) => (f.as_slice()?.to_vec(), n),
-            None => (Vec::new(), 0),
-        };
-        let outputs = any_vector(output_times, "output_times")?.as_slice()?.to_vec();
+        let times = any_vector(times, "times")?;
+        let pressures = pressure_rows(pressures, "pressures", self.arm.inputs())?;
+        let forces = force_rows(forces, "forces", n)?;
+        let outputs = any_vector(output_times, "output_times")?;
         if outputs.windows(2).any(|w| w[1] < w[0]) {
             return Err(input(py, "output_times: they must ascend".to_owned()));
         }
         let start = State {
-            lengths: vector(q, "q", n)?.as_slice()?.to_vec(),
-            velocities: vector(qd, "qd", n)?.as_slice()?.to_vec(),
-            creep: vector(creep, "creep", self.arm.creep_states())?.as_slice()?.to_vec(),
+            lengths: vector(q, "q", n)?,
+            velocities: vector(qd, "qd", n)?,
+            creep: vector(creep, "creep", self.arm.creep_states())?,
         };
         let drive = Input::new(times, (pressures, self.arm.inputs()), forces, Interpolation::Linear)
             .map_err(|e| to_python(py, &e))?;
-        let mut signal: Option<PyErr> = None;
-        let result = py.detach(|| {
-            self.arm.run(&drive, &outputs, &start, step, &mut || {
-                signal = Python::attach(|py| py.check_signals()).err();
-                signal.is_some()
-            })
-        });
-        if let Some(error) = signal {
-            return Err(error);
-        }
+        let mut signals = Signals::new();
+        let result = py.detach(|| self.arm.run(&drive, &outputs, &start, step, &mut || signals.stop()));
+        signals.result()?;
         let (out, m) = (result.map_err(|e| to_python(py, &e))?, outputs.len());
         Ok((
             shaped(py, out.lengths, [m, n])?,
@@ -119,7 +106,7 @@ impl PyVirtualArm {
         let n = self.arm.coordinates();
         let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
         let creep = vector(creep, "creep", self.arm.creep_states())?;
-        let [kinetic, potential] = self.arm.energy(q.as_slice()?, qd.as_slice()?, creep.as_slice()?);
+        let [kinetic, potential] = self.arm.energy(&q, &qd, &creep);
         Ok((kinetic, potential))
     }
 }

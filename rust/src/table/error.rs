@@ -57,9 +57,6 @@ pub enum Fault {
     /// The first line is not UTF-8.
     #[error("the headings are not UTF-8 text; save the file as UTF-8")]
     HeadingsNotText,
-    /// The headings are not separated by commas.
-    #[error("the headings are separated by {0:?}; expected commas, and points as decimal marks")]
-    Separator(char),
     /// Headings alone.
     #[error("has headings but no rows of numbers")]
     NoRows,
@@ -71,13 +68,21 @@ pub enum Fault {
         /// Fields in the line.
         found: usize,
     },
-    /// A cell without a value.
-    #[error("the cell is empty; write the last known value, as a sensor that holds it would, or remove the row")]
-    EmptyCell,
+    /// A cell without a value, and what to do.
+    #[error("the cell is empty; {0}")]
+    EmptyCell(String),
+    /// A cell that says that there is no value, such as NaN.
+    #[error("found {found:?}, no value; {advice}")]
+    NoValue {
+        /// The cell.
+        found: String,
+        /// What to do.
+        advice: String,
+    },
     /// A cell with something else than a number.
     #[error("found {0:?}; expected a number such as -1.5 or 2.5e3")]
     NotANumber(String),
-    /// NaN, infinity, or a number beyond the range of f64.
+    /// Infinity, or a number beyond the range of f64.
     #[error("found {0:?}; expected a finite number: write the last known value or remove the row")]
     NotFinite(String),
     /// A value that the quantity cannot have.

@@ -16,6 +16,8 @@ const WATCH_INTERVAL: Duration = Duration::from_millis(50);
 const BUFFER: usize = 256 << 10;
 /// Characters of a faulty cell that are shown.
 const SHOWN: usize = 40;
+/// What programs write, beside nothing, where there is no value; in any case.
+const NO_VALUE: [&str; 10] = ["nan", "na", "n/a", "#n/a", "null", "none", "-", "-nan", "nan(ind)", "-nan(ind)"];
 
 /// What a column is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +28,8 @@ pub enum ColumnUse {
     Number,
     /// Like `Number`, and no value may be less than the one before.
     Time,
-    /// Read as far as it goes: empty cells are NaN, and a cell that is not a number ends the reading of this column.
+    /// Read as far as it goes: cells without a value are NaN, and one that is no finite number ends the reading of this
+    /// column.
     Free,
 }
 
@@ -39,6 +42,10 @@ pub struct Column {
     pub least: f64,
     /// What to say of a smaller value: why it cannot be, what to do.
     pub hint: String,
+    /// Whether cells without a value are missing samples, NaN, and no fault.
+    pub missing: bool,
+    /// What to say of a cell without a value where that is a fault: what to do.
+    pub absent: String,
 }
 
 /// What came of a column.
@@ -75,6 +82,7 @@ pub struct TableReader {
     unpacking: Unpacking,
     size: u64,
     crlf: bool,
+    opening: Vec<String>,
     headings: Vec<String>,
 }
 
@@ -82,7 +90,7 @@ impl TableReader {
     /// Open a file and read its headings.
     ///
     /// # Errors
-    /// The file is missing, empty, not text, or its headings are not separated by commas.
+    /// The file is missing, empty or not text.
     pub fn open(path: &Path) -> Result<Self, TableError> {
         let source = source::open(path)?;
         let mut lines = csv::ReaderBuilder::new()
@@ -98,12 +106,15 @@ impl TableReader {
             .map(|field| String::from_utf8(field.to_vec()).map(|heading| heading.trim().to_owned()))
             .collect::<Result<Vec<_>, _>>()
             .map_err(|_| Fault::HeadingsNotText.at(1))?;
-        if let [only] = headings.as_slice()
-            && let Some(separator) = only.chars().find(|c| matches!(c, ';' | '\t'))
-        {
-            return Err(Fault::Separator(separator).at(1));
-        }
-        Ok(Self { lines, counts: source.counts, unpacking, size: source.size, crlf: source.crlf, headings })
+        let source::Source { counts, size, crlf, opening, .. } = source;
+        Ok(Self { lines, counts, unpacking, size, crlf, opening, headings })
+    }
+
+    /// The first lines of the file as they stand, each clipped: where the headings are to be looked for if they are not
+    /// in the first one.
+    #[must_use]
+    pub fn opening(&self) -> &[String] {
+        &self.opening
     }
 
     /// The headings in the order of the file, without surrounding blanks.
@@ -194,16 +205,21 @@ impl TableReader {
                 continue;
             };
             if column.used == ColumnUse::Free {
-                match parse_free(field) {
-                    Some(number) => numbers.push(number),
-                    None => *found = ReadColumn::Text { line, found: shown(field) },
+                match parse(field) {
+                    Cell::Number(number) => numbers.push(number),
+                    Cell::Absent => numbers.push(f64::NAN),
+                    Cell::Infinite | Cell::Other => *found = ReadColumn::Text { line, found: shown(field) },
                 }
                 continue;
             }
-            let number = parse(field)
-                .and_then(|number| check(number, column, numbers.last()))
-                .map_err(|fault| self.locate(fault, line, Some(index)))?;
-            numbers.push(number);
+            let number = match parse(field) {
+                Cell::Number(number) => check(number, column, numbers.last()),
+                Cell::Absent if column.missing => Ok(f64::NAN),
+                Cell::Absent => Err(absent(field, column)),
+                Cell::Infinite => Err(Fault::NotFinite(shown(field))),
+                Cell::Other => Err(Fault::NotANumber(shown(field))),
+            };
+            numbers.push(number.map_err(|fault| self.locate(fault, line, Some(index)))?);
         }
         Ok(())
     }
@@ -233,16 +249,37 @@ fn stopped(flow: ControlFlow<()>) -> Result<(), TableError> {
     if flow.is_break() { Err(Fault::Stopped.into()) } else { Ok(()) }
 }
 
-fn parse(field: &[u8]) -> Result<f64, Fault> {
+/// What stands in a cell.
+enum Cell {
+    /// A finite number.
+    Number(f64),
+    /// Nothing, or a word for it.
+    Absent,
+    /// Infinity, or a number beyond the range of f64.
+    Infinite,
+    /// Something else.
+    Other,
+}
+
+fn parse(field: &[u8]) -> Cell {
     let field = without_blanks(field);
-    if field.is_empty() {
-        return Err(Fault::EmptyCell);
+    let Ok(text) = std::str::from_utf8(field) else {
+        return Cell::Other;
+    };
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => Cell::Number(number),
+        Ok(number) if number.is_infinite() => Cell::Infinite,
+        _ if text.is_empty() || NO_VALUE.iter().any(|word| word.eq_ignore_ascii_case(text)) => Cell::Absent,
+        _ => Cell::Other,
     }
-    let number: f64 = std::str::from_utf8(field)
-        .ok()
-        .and_then(|text| text.parse().ok())
-        .ok_or_else(|| Fault::NotANumber(shown(field)))?;
-    if number.is_finite() { Ok(number) } else { Err(Fault::NotFinite(shown(field))) }
+}
+
+fn absent(field: &[u8], column: &Column) -> Fault {
+    let advice = column.absent.clone();
+    match shown(field) {
+        found if found.is_empty() => Fault::EmptyCell(advice),
+        found => Fault::NoValue { found, advice },
+    }
 }
 
 fn check(number: f64, column: &Column, previous: Option<&f64>) -> Result<f64, Fault> {
@@ -254,15 +291,6 @@ fn check(number: f64, column: &Column, previous: Option<&f64>) -> Result<f64, Fa
             Err(Fault::Backwards { previous, found: number })
         }
         _ => Ok(number),
-    }
-}
-
-fn parse_free(field: &[u8]) -> Option<f64> {
-    match parse(field) {
-        Ok(number) => Some(number),
-        Err(Fault::EmptyCell) => Some(f64::NAN),
-        Err(Fault::NotFinite(text)) => text.parse().ok(),
-        Err(_) => None,
     }
 }
 

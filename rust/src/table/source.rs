@@ -14,6 +14,8 @@ use super::error::{Fault, LineTooLong};
 const LONGEST_LINE: u64 = 16 << 20;
 /// What is looked at to tell text from other kinds of files.
 const PROBE: usize = 8192;
+/// Lines of the beginning that are kept, and characters of each: enough to find headings below a preamble.
+const OPENING: (usize, usize) = (30, 400);
 
 /// Whether the bytes that come out are those of the file or unpacked ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +60,8 @@ pub(super) struct Source {
     pub size: u64,
     /// Whether the line of headings ends with "\r\n".
     pub crlf: bool,
+    /// The first lines of text, clipped.
+    pub opening: Vec<String>,
 }
 
 /// Open a file; what it is, is decided by its first bytes, not by its name.
@@ -82,10 +86,19 @@ pub(super) fn open(path: &Path) -> Result<Source, Fault> {
     };
     let start = probe(&mut text).map_err(|error| Fault::from_io(error, unpacking))?;
     refuse_other_kinds(&start)?;
-    let line_end = start.iter().position(|&byte| byte == b'\n').unwrap_or(0);
-    let crlf = line_end > 0 && start[line_end - 1] == b'\r';
-    let text = Box::new(Text { inner: Cursor::new(start).chain(text), counts: Arc::clone(&counts) });
-    Ok(Source { text, counts, unpacking, size: about.len(), crlf })
+    let line_end = start.iter().position(|&byte| byte == b'\n');
+    let crlf = line_end.is_some_and(|end| end > 0 && start[end - 1] == b'\r');
+    // Lines of the old Mac end with "\r" alone.
+    let translate = line_end.is_none() && start.contains(&b'\r');
+    let opening = opening(&start, translate);
+    let text = Box::new(Text { inner: Cursor::new(start).chain(text), counts: Arc::clone(&counts), translate });
+    Ok(Source { text, counts, unpacking, size: about.len(), crlf, opening })
+}
+
+fn opening(start: &[u8], translate: bool) -> Vec<String> {
+    let text = String::from_utf8_lossy(start);
+    let lines = text.strip_prefix('\u{feff}').unwrap_or(&text).split(if translate { '\r' } else { '\n' });
+    lines.take(OPENING.0).map(|line| line.trim_end_matches('\r').chars().take(OPENING.1).collect()).collect()
 }
 
 fn probe(reader: &mut impl Read) -> io::Result<Vec<u8>> {
@@ -134,6 +147,8 @@ impl Read for OnDisk {
 struct Text<R> {
     inner: R,
     counts: Arc<Counts>,
+    /// Whether "\r" is handed out as "\n".
+    translate: bool,
 }
 
 impl<R: Read> Read for Text<R> {
@@ -142,6 +157,9 @@ impl<R: Read> Read for Text<R> {
             return Err(io::Error::other(LineTooLong));
         }
         let count = self.inner.read(buffer)?;
+        if self.translate {
+            buffer[..count].iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+        }
         self.counts.text.set(self.counts.text.get() + count as u64);
         if count > 0 {
             self.counts.last.set(buffer[count - 1].into());

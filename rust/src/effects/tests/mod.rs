@@ -6,6 +6,7 @@ mod energy;
 mod hidden;
 mod pressures;
 mod registry;
+mod sensors;
 
 use super::EffectParameters;
 use crate::arm::Arm;

@@ -1,0 +1,29 @@
+"""How commands take logs: the same options and the same reading for all of them, through one door."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+import click
+
+from bha.arm import Arm
+from bha.recordings import PressureSort, Recording, recordings
+
+#: Which pressures of a log drive the arm.
+pressures_option = click.option(
+    "--pressures",
+    type=click.Choice(get_args(PressureSort)),
+    help="Drive with the measured (p11 ...) or the commanded (pc11 ...) pressures of a log; if left out with the "
+    "measured ones where it has them.",
+)
+#: Whether cells without a number are missing samples.
+missing_option = click.option(
+    "--missing", is_flag=True, help="Take NaN and empty cells of measured outputs as missing samples."
+)
+
+
+def read_logs(arm: Arm, paths: Sequence[Path], pressures: PressureSort | None, missing: bool) -> list[Recording]:
+    """Recordings of some files by one arm; all with the pressures of the first where none are asked for."""
+    return recordings(arm, paths, pressures=pressures, missing=missing)

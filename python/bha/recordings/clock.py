@@ -1,0 +1,86 @@
+"""Times of a log's rows: how far apart they are, and what a coarse timer made of them.
+
+A logger that samples evenly but stamps its rows with a timer of 15.6 ms (the usual one of Windows) writes times on the
+grid of that timer, several rows at one time. The rows themselves are even: their times follow from their number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Fewest rows and fewest grid steps from which a timer is told.
+_FEWEST = 50
+#: A timer's grid must hold this share of the times, to this part of its step.
+_GRID_SHARE, _GRID_PART = 0.999, 0.02
+#: Rows are even if a straight line misses their stamps by no more than this many ticks: a stamp is off by one at most.
+_MOST_OFF = 1.05
+#: A gap is this many usual intervals long.
+_GAP = 10.0
+
+
+@dataclass(frozen=True)
+class ClockFacts:
+    """What is known of the times of a log.
+
+    Attributes:
+        rows: number of rows.
+        interval: median time between two rows, s; after mending, where the timer was coarse.
+        duration: from the first row to the last, s.
+        tick: step of the timer that stamped evenly sampled rows, s; 0 where stamps are as fine as the rows.
+        repeats: share of rows with the time of the row before, as the file has them.
+        gaps: spans ``(from, to)``, s, without rows, ten times as long as usual or longer.
+    """
+
+    rows: int
+    interval: float
+    duration: float
+    tick: float
+    repeats: float
+    gaps: tuple[tuple[float, float], ...]
+
+
+def mended(time: Array) -> tuple[Array, ClockFacts]:
+    """The times of the rows, s, shape (m,), with a coarse timer's grid taken out, and what was found."""
+    repeats = float(np.mean(np.diff(time) <= 0.0)) if len(time) > 1 else 0.0
+    tick = _tick(time)
+    if tick > 0.0:
+        time = _even(time, tick)
+    steps = np.diff(time)
+    forward = steps[steps > 0.0]
+    interval = float(np.median(forward)) if len(forward) else 0.0
+    wide = np.flatnonzero(steps > _GAP * interval) if interval > 0.0 else np.empty(0, dtype=np.intp)
+    gaps = tuple((float(time[k]), float(time[k + 1])) for k in wide)
+    return time, ClockFacts(len(time), interval, float(time[-1] - time[0]), tick, repeats, gaps)
+
+
+def _tick(time: Array) -> float:
+    """Step of the timer, s, if rows that are even lie on a grid coarser than half of their distance; else 0."""
+    steps = np.diff(time)
+    forward = steps[steps > 0.0]
+    if len(time) < _FEWEST or len(forward) < _FEWEST:
+        return 0.0
+    tick = float(np.min(forward))
+    if tick <= 0.0:
+        return 0.0
+    tick = float(np.median(forward[forward < 1.5 * tick]))
+    whole = np.abs(forward / tick - np.round(forward / tick)) < _GRID_PART
+    mean = (time[-1] - time[0]) / (len(time) - 1)
+    # Even stamps are on a grid too: theirs. A timer shows by steps of several kinds.
+    uneven = np.ptp(np.round(steps / tick)) >= 1.0 and float(np.std(steps)) > 0.1 * mean
+    if float(np.mean(whole)) < _GRID_SHARE or tick < 0.5 * mean or not uneven:
+        return 0.0
+    line = np.polyval(np.polyfit(np.arange(len(time)), time, 1), np.arange(len(time)))
+    return tick if float(np.ptp(time - line)) <= 2.0 * _MOST_OFF * tick else 0.0
+
+
+def _even(time: Array, tick: float) -> Array:
+    """Even times of rows that a timer stamped with the last tick before them: the line that no stamp is ahead of."""
+    row = np.arange(len(time), dtype=np.float64)
+    slope, offset = np.polyfit(row, time, 1)
+    # A stamp is late by between nothing and one tick, half a tick in the mean.
+    return np.asarray(offset + 0.5 * tick + slope * row)

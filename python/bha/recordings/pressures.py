@@ -1,0 +1,173 @@
+"""What drives the arm of a log: measured or commanded pressures, held or linear between samples, how they act.
+
+Measured pressures stand in the chambers: the arm's pneumatics lie before them and are left out. Commanded ones go
+through the pneumatics, at the level that the file says. Gauge pressures are relative to the arm's own ambient pressure:
+what moves a bellows is the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha import names
+from bha.errors import InputError, LogError
+from bha.recordings.interpolation import akima
+from bha.recordings.samples import ChannelFacts
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.log import Log
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+#: Which pressures of a log drive the arm.
+PressureSort = Literal["measured", "commanded"]
+
+#: A command that stands still for this long, s, for most of the time is one that is held between its changes.
+HELD_SECONDS, HELD_SHARE = 0.2, 0.5
+#: A pressure that has changed over a dropout by this share of all its travel has done something that was missed.
+MISSED_TRAVEL = 0.05
+
+
+@dataclass(frozen=True)
+class PressureChoice:
+    """Which pressures drive the arm, and how.
+
+    Attributes:
+        sort: ``"measured"`` or ``"commanded"``.
+        chosen: why this sort: ``"asked for"``, ``"the log has no others"`` or ``"the log has both"``.
+        columns: names of the log's columns, in the order of the arm's inputs.
+        between_samples: ``"linear"`` or ``"hold"``.
+        pneumatics: level of the arm's pneumatics that acts, ``"ideal"`` for measured pressures.
+        ambient_pressure: of the arm, Pa: what gauge pressures are relative to.
+        gauge: columns that the file has as gauge pressures.
+    """
+
+    sort: PressureSort
+    chosen: str
+    columns: tuple[str, ...]
+    between_samples: Literal["linear", "hold"]
+    pneumatics: str
+    ambient_pressure: float
+    gauge: tuple[str, ...]
+
+    def to_mapping(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def commanded_name(name: str) -> str:
+    """The commanded pressure of an input: ``pc11`` of ``p11``."""
+    return "pc" + name.removeprefix("p")
+
+
+def choose_sort(arm: Arm, log: Log, asked: PressureSort | None, origin: str) -> tuple[PressureSort, str]:
+    """Which sort of pressures, and why.
+
+    Raises:
+        InputError: ``asked`` is no sort.
+        LogError: the log lacks pressures of the arm; the text names the way on.
+    """
+    if asked is not None and asked not in get_args(PressureSort):
+        raise InputError(f"pressures: found {asked!r}; allowed: 'measured' or 'commanded'")
+    missing: Mapping[PressureSort, list[str]] = {
+        "measured": [name for name in arm.inputs if name not in log],
+        "commanded": [commanded_name(name) for name in arm.inputs if commanded_name(name) not in log],
+    }
+    if asked is not None:
+        if missing[asked]:
+            other: PressureSort = "commanded" if asked == "measured" else "measured"
+            text = f"{origin}: there is no column '{missing[asked][0]}', a {asked} pressure of the arm"
+            hint = f"; all {other} ones are there: --pressures {other} (in Python pressures='{other}')"
+            raise LogError(text + (hint if not missing[other] else _columns(log)))
+        return asked, "asked for"
+    if not missing["measured"]:
+        return "measured", "the log has both" if not missing["commanded"] else "the log has no others"
+    if not missing["commanded"]:
+        return "commanded", "the log has no others"
+    lacking = missing["measured"] if len(missing["measured"]) <= len(missing["commanded"]) else missing["commanded"]
+    # The log says itself, with the nearest name, why a column cannot be read.
+    log[lacking[0]]
+    raise AssertionError(lacking)
+
+
+def _columns(log: Log) -> str:
+    return f"; the log has: {', '.join(log.columns)}"
+
+
+def is_held_between(time: Array, pressures: Array, sort: PressureSort) -> bool:
+    """Whether pressures (m, inputs) stay as they are until the next sample: commands that stand still for long."""
+    if sort == "measured" or len(time) < 3:
+        return False
+    moved = np.flatnonzero(np.any(np.diff(pressures, axis=0) != 0.0, axis=1)) + 1
+    edges = np.concatenate([[0], moved, [len(time) - 1]])
+    still = np.diff(time[edges])
+    whole = float(time[-1] - time[0])
+    return bool(whole > 0.0 and np.sum(still[still >= HELD_SECONDS]) > HELD_SHARE * whole and len(moved) > 0)
+
+
+def between_fresh(time: Array, pressures: Array, facts: Sequence[ChannelFacts], usable: Mask) -> Array:
+    """Measured pressures with repeats of a sensor that holds taken out: a curve through its readings, (m, inputs)."""
+    if all(fact.held == 0.0 and not fact.spikes and not fact.dropouts for fact in facts):
+        return pressures
+    mended = pressures.copy()
+    for k, fact in enumerate(facts):
+        good = np.flatnonzero(usable[:, k])
+        if (fact.held > 0.0 or fact.spikes or fact.dropouts) and len(good) >= 2:
+            knots, values = time[good], pressures[good, k]
+            # A reading that stays for longer than usual has been renewed by the same value: it changes at the end.
+            late = np.flatnonzero(np.diff(knots) > 2.5 * fact.interval) if fact.held > 0.0 else np.empty(0, dtype=int)
+            knots = np.insert(knots, late + 1, knots[late + 1] - fact.interval)
+            values = np.insert(values, late + 1, values[late])
+            mended[:, k] = akima(time, knots, values) if fact.held > 0.0 else np.interp(time, knots, values)
+    return mended
+
+
+def missed_spans(time: Array, pressures: Array, facts: Sequence[ChannelFacts]) -> list[tuple[float, float]]:
+    """Dropouts, s, of measured pressures after which a pressure is another: what lay between is not known."""
+    found = []
+    for k, fact in enumerate(facts):
+        travel = float(np.ptp(pressures[:, k]))
+        for start, end in fact.dropouts:
+            before, after = (pressures[min(int(np.searchsorted(time, t)), len(time) - 1), k] for t in (start, end))
+            if abs(after - before) > max(MISSED_TRAVEL * travel, 6.0 * fact.noise):
+                found.append((start, end))
+    return found
+
+
+def with_jumps(
+    time: Array, pressures: Array, forces: Array | None
+) -> tuple[Array, Array, Array | None, NDArray[np.intp]]:
+    """A held input as one that is linear between samples and jumps where it changes: two samples at that time.
+
+    Args:
+        time: s, shape (m,).
+        pressures: Pa, shape (m, inputs), each held until the next.
+        forces: N, shape (m, n, 3), linear between samples, or None.
+
+    Returns:
+        Time, pressures and forces of the samples, and for each of the m given rows its sample.
+    """
+    changed = np.flatnonzero(~np.all(np.diff(pressures, axis=0) == 0.0, axis=1)) + 1
+    changed = changed[time[changed] > time[changed - 1]]
+    # Before each change one more sample at the same time, with what was held until then.
+    order = np.insert(np.arange(len(time)), changed, changed)
+    held = np.insert(np.arange(len(time)), changed, changed - 1)
+    rows = np.arange(len(time)) + np.searchsorted(changed, np.arange(len(time)), side="right")
+    return time[order], pressures[held], None if forces is None else forces[order], rows
+
+
+def names_no_input(arm: Arm, log: Log) -> list[str]:
+    """Pressures of the log that the arm has no input for."""
+    known = {*arm.inputs, *(commanded_name(name) for name in arm.inputs)}
+    kinds = ("pressure", "commanded_pressure")
+    return [
+        name
+        for name in log.columns
+        if (quantity := names.quantity(name)) is not None and quantity.kind in kinds and name not in known
+    ]

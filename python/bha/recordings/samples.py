@@ -1,0 +1,235 @@
+"""What the samples of one channel are worth: fresh, held, frozen, dropped out, spike.
+
+A sensor that renews more slowly than the log holds its last value: the repeats are no measurements. One that stops for
+a while (a marker lost, a bus that hangs) holds it too, for far longer than it usually does: a dropout. One that jumps
+away and comes back within a few rows shows something else than the arm (a marker taken for another): a spike.
+
+Which repeats come from holding and which from a coarse grid is told by the large changes: a value that has moved by
+many grid steps has done so in one row only if the rows before were held.
+Limits: spikes of at most three readings; no dropouts of channels so coarse that they stand still whenever the arm does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.recordings.noise import quantum, white_noise
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Span = tuple[float, float]
+
+#: Fewest fresh readings from which noise is estimated.
+FEWEST_FRESH = 40
+#: Chance, over a whole log, that noise repeats itself to the last digit as often as what is called a dropout.
+REPEAT_CHANCE = 1e-6
+#: A reading that is held is held this many times longer than usual, and this long, s, to be a dropout.
+DROPOUT_TIMES, DROPOUT_SECONDS = 5.0, 0.1
+#: A channel whose grid is this many times its noise stands still whenever what it measures does: nothing is told then.
+COARSE = 2.0
+#: So does one without noise (a simulated or filtered one): less than this share of what it travels.
+QUIET = 1e-6
+#: Readings that a spike lasts at the most, and how many typical changes (and noises) it jumps, both ways.
+SPIKE_READINGS, SPIKE_CHANGES, SPIKE_NOISES = 3, 8.0, 12.0
+#: Least spike as a share of all that the channel travels: a smaller one does no harm.
+SPIKE_TRAVEL = 0.05
+#: Share of the log that may be spikes; more is no spike but how the channel is.
+MOST_SPIKES = 0.02
+#: A sensor that holds its reading does so for no longer than this, usually, s.
+LONGEST_HOLD = 0.25
+#: Fewest changes from which holding is told, and share of the largest changes that are looked at.
+_FEWEST_CHANGES, _LARGEST = 10, 0.3
+
+
+@dataclass(frozen=True)
+class ChannelFacts:
+    """What is known of one channel of a log.
+
+    Attributes:
+        name: ``q11``, ``x2``, ``p13``, or that of a wire.
+        unit: SI unit, empty for plain numbers.
+        noise: standard deviation of the noise from reading to reading, in that unit; 0 where the channel does not tell.
+        quantum: distance of neighbouring readings, 0 where they are not on a grid.
+        held: share of rows in which the sensor repeats its last reading.
+        interval: median time between two readings, s.
+        frozen: spans ``(from, to)``, s, in which it stands still although what it measures does not.
+        dropouts: spans, s, in which its last reading is held far longer than usual.
+        spikes: times, s, of readings that jump away and come back.
+        missing: share of rows without a value.
+        repeat_noise: what the arm does otherwise each time, RMS over the channels of its kind, in that unit; 0 where no
+            log repeats another.
+    """
+
+    name: str
+    unit: str
+    noise: float
+    quantum: float
+    held: float
+    interval: float = 0.0
+    frozen: tuple[Span, ...] = ()
+    dropouts: tuple[Span, ...] = ()
+    spikes: tuple[float, ...] = ()
+    missing: float = 0.0
+    repeat_noise: float = 0.0
+
+
+def changes(values: Array) -> Mask:
+    """Rows whose value differs from that of the row before; the first row too."""
+    return np.concatenate([[True], np.diff(values) != 0.0])
+
+
+def is_held(time: Array, fresh: NDArray[np.intp], values: Array, step: float) -> bool:
+    """Whether repeats come from a sensor that renews more slowly than the log, and not from a coarse grid.
+
+    Args:
+        time: of the rows, s, shape (m,).
+        fresh: rows in which the value changes.
+        values: all values, shape (m,).
+        step: of the grid on which they lie, 0 if they lie on none.
+    """
+    if len(fresh) < _FEWEST_CHANGES or len(fresh) > 0.9 * len(values):
+        return False
+    jumps = np.abs(np.diff(values[fresh]))
+    before = np.diff(fresh)
+    large = np.argsort(jumps)[-max(_FEWEST_CHANGES, int(_LARGEST * len(jumps))) :]
+    # A slow motion over a coarse grid changes evenly too, but by one step at a time.
+    if step > 0.0 and float(np.median(jumps[large])) < 2.5 * step:
+        return False
+    # How long the reading had been held before each large change: a sensor that holds renews after several rows, and
+    # soon. What stands still for longer and then jumps is a pressure in steps.
+    waits, rows = np.diff(time[fresh])[large], before[large]
+    usual = float(np.median(waits))
+    soon = usual <= LONGEST_HOLD and float(np.quantile(waits, 0.95)) <= 3.0 * usual + float(np.median(np.diff(time)))
+    return bool(soon and np.quantile(rows, 0.25) >= 2)
+
+
+def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = True) -> tuple[ChannelFacts, Mask]:
+    """Facts of one channel and which rows hold a reading that counts, shape (m,).
+
+    Args:
+        time: of the rows, s, shape (m,).
+        name: of the channel.
+        unit: its SI unit.
+        values: shape (m,); NaN where missing.
+        measured: whether it was measured; what is commanded may stand still as long as it likes.
+    """
+    present = np.isfinite(values)
+    rows = np.flatnonzero(present)
+    if len(rows) < 2:
+        return ChannelFacts(name, unit, 0.0, 0.0, 0.0, missing=float(np.mean(~present))), present
+    given, at = values[rows], time[rows]
+    new = changes(given)
+    fresh = np.flatnonzero(new)
+    step = quantum(given[fresh])
+    held = measured and is_held(at, fresh, given, step)
+    readings = fresh if held else np.arange(len(given))
+    dropped = _dropouts(at, given, fresh, held=held, step=step) if measured else []
+    lost = np.zeros(len(given), dtype=np.bool_)
+    for first, last in dropped:
+        lost[first:last] = True
+    readings = readings[~lost[readings]]
+    noise = white_noise(given[readings]) if len(readings) >= FEWEST_FRESH else 0.0
+    spikes = _spikes(given[readings], max(noise, step / np.sqrt(12.0))) if measured else np.empty(0, dtype=np.intp)
+    spike_rows = readings[spikes]
+    good = np.zeros(len(given), dtype=np.bool_)
+    good[readings] = True
+    good[spike_rows] = False
+    if len(spikes) and len(readings) - len(spikes) >= FEWEST_FRESH:
+        noise = white_noise(np.delete(given[readings], spikes))
+    if not measured and len(fresh) < 0.5 * len(given):
+        noise = 0.0  # the few jumps of a command in steps are no noise
+    usable = np.zeros(len(values), dtype=np.bool_)
+    usable[rows[good]] = True
+    facts = ChannelFacts(
+        name=name,
+        unit=unit,
+        noise=noise,
+        quantum=step,
+        held=1.0 - len(fresh) / len(given) if held else 0.0,
+        interval=float(np.median(np.diff(at[readings]))) if len(readings) > 1 else 0.0,
+        dropouts=tuple((float(at[a]), float(at[min(b, len(at) - 1)])) for a, b in dropped),
+        spikes=tuple(float(t) for t in at[spike_rows]),
+        missing=float(np.mean(~present)),
+    )
+    return facts, usable
+
+
+def with_frozen(facts: ChannelFacts, frozen: tuple[Span, ...]) -> ChannelFacts:
+    """The facts with spans in which the channel is frozen; a dropout within one is part of it."""
+    outside = [d for d in facts.dropouts if not any(a <= d[0] and d[1] <= b for a, b in frozen)]
+    return replace(facts, frozen=frozen, dropouts=tuple(outside))
+
+
+def standstills(time: Array, table: Array, longer_than: float) -> list[tuple[int, int]]:
+    """Runs of rows ``(first, last)`` in which no column of ``table`` (m, k) changes, longer than some seconds."""
+    moved = np.any(np.diff(table, axis=0) != 0.0, axis=1)
+    edges = np.concatenate([[0], np.flatnonzero(moved) + 1, [len(time)]])
+    return [(int(a), int(b)) for a, b in pairwise(edges) if time[b - 1] - time[a] > longer_than]
+
+
+def _dropouts(time: Array, values: Array, fresh: NDArray[np.intp], *, held: bool, step: float) -> list[tuple[int, int]]:
+    """Rows ``(first, last)`` of repeats that go on for far longer than the channel usually repeats itself.
+
+    The first repeat counts, the reading that is held does not.
+    """
+    noise = white_noise(values[fresh])
+    if len(fresh) < _FEWEST_CHANGES or noise < max(step / COARSE, QUIET * float(np.ptp(values))):
+        return []
+    ends = np.append(fresh[1:], len(values))
+    lengths = ends - fresh
+    spans = time[np.minimum(ends, len(time) - 1)] - time[fresh]
+    if held:
+        usual = float(np.quantile(lengths, 0.9))
+        suspect = (lengths > DROPOUT_TIMES * usual) & (spans > DROPOUT_SECONDS)
+    else:
+        usual = float(np.median(lengths))
+        repeats = _chance_of_repeat(lengths)
+        needed = np.log(REPEAT_CHANCE / len(values)) / np.log(repeats) if repeats > 0.0 else 2.0
+        suspect = (lengths - 1 > max(needed, DROPOUT_TIMES * usual)) & (spans > DROPOUT_SECONDS)
+    # A channel that does so again and again is one that changes when it likes.
+    found = np.flatnonzero(suspect)
+    if np.sum(lengths[found]) > 0.5 * len(values):
+        return []
+    return [(int(fresh[k]) + 1, int(ends[k])) for k in found]
+
+
+def _chance_of_repeat(lengths: NDArray[np.intp]) -> float:
+    """Share of readings that repeat the one before by chance; the longest runs, which may be dropouts, left out."""
+    kept = lengths[lengths <= max(2.0, 20.0 * float(np.median(lengths)))]
+    return float(1.0 - len(kept) / np.sum(kept)) if np.sum(kept) > 0 else 0.0
+
+
+def _spikes(values: Array, noise: float) -> NDArray[np.intp]:
+    """Places of readings that jump away and come back within a few readings."""
+    count = len(values)
+    if count < 4 * SPIKE_READINGS + 8:
+        return np.empty(0, dtype=np.intp)
+    step = np.abs(np.diff(values))
+    # The typical change nearby: medians over blocks, the greater one of neighbours, so that fast motion is no spike.
+    size = 20
+    blocks = -(-count // size)
+    padded = np.full(blocks * size, step[-1])
+    padded[: count - 1] = step
+    typical = np.quantile(padded.reshape(blocks, size), 0.75, axis=1)
+    around = np.maximum(typical, np.maximum(np.roll(typical, 1), np.roll(typical, -1)))
+    travel = float(np.subtract(*np.quantile(values, [0.98, 0.02])))
+    floor = max(SPIKE_NOISES * noise, SPIKE_TRAVEL * travel)
+    least = np.maximum(SPIKE_CHANGES * np.repeat(around, size)[:count], floor)
+    found = np.zeros(count, dtype=np.bool_)
+    signed = np.diff(values)
+    for k in np.flatnonzero(step > least[:-1]):
+        for length in range(1, SPIKE_READINGS + 1):
+            back = k + length
+            if back >= count - 1:
+                break
+            away, home = signed[k], values[back + 1] - values[k]
+            inside = values[k + 1 : back + 1] - values[k]
+            # All readings in between are away, and the one after is home again.
+            if np.all(np.abs(inside) > least[k]) and np.all(inside * away > 0.0) and abs(home) < 0.3 * abs(away):
+                found[k + 1 : back + 1] = True
+                break
+    return np.flatnonzero(found) if np.mean(found) <= MOST_SPIKES else np.empty(0, dtype=np.intp)
