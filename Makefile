@@ -55,14 +55,23 @@ wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it
 experiments: $(VENV)/.ready-all ## The paper's experiments again: docs/experiments.md
 	$(BIN)/bha experiment all --out docs
 
-# BLIND_SUBSET=report is for reporting, tune for tuning; BLIND_SEED makes a new plan of the same kind. Goes on where it stopped.
+# WORLD=wide takes the wide world, whose product is called for diagnosis and identification. BLIND_SUBSET=report is for
+# reporting, tune (wide: quick too) for tuning; BLIND_SEED makes a new plan of the same kind. Goes on where it stopped.
+WORLD ?= first
 BLIND_SUBSET ?= report
 BLIND_SEED ?= 1
 BLIND_CASES ?=
-blind: $(VENV)/.ready-blind ## Diagnosis of hidden effects, blind
-	cd benches/blind && $(CURDIR)/$(BIN)/python -m blindgen all --subset $(BLIND_SUBSET) --seed $(BLIND_SEED) \
-	  $(if $(BLIND_CASES),--cases $(BLIND_CASES)) --out $(abspath $(OUT))/blind \
+BLIND_JOBS ?=
+BLIND := $(CURDIR)/$(BIN)/python -m blindgen
+BLIND_OPTIONS = --world $(WORLD) --subset $(BLIND_SUBSET) --seed $(BLIND_SEED) $(if $(BLIND_JOBS),--jobs $(BLIND_JOBS)) \
+  $(if $(BLIND_CASES),--cases $(BLIND_CASES)) --out $(abspath $(OUT))/blind$(if $(filter wide,$(WORLD)),_wide)
+blind: $(VENV)/.ready-blind ## Diagnosis (WORLD=wide: and identification), blind
+ifeq ($(WORLD),wide)
+	cd benches/blind && $(BLIND) all $(BLIND_OPTIONS)
+else
+	cd benches/blind && $(BLIND) all $(BLIND_OPTIONS) \
 	  --product '$(CURDIR)/$(BIN)/bha diagnose {arm} {train} --holdout {holdout} --out {out} --no-report --threads 1'
+endif
 
 clean: ## Remove all that was built: .venv, target, out, dist and caches
 	rm -rf $(VENV) target out dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks

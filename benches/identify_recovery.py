@@ -57,7 +57,7 @@ def synthetic_log(case: Case, seed: int) -> Log:
 
 def noisy_log(arm: bha.Arm, drive: bha.Input, seed: int, pressure_noise: float = PRESSURE_NOISE) -> Log:
     """What is measured of the simulated arm."""
-    run = bha.simulate(arm, drive, method="rk4", step=1e-3)
+    run = bha.simulate(arm, drive, times=drive.time, method="rk4", step=1e-3)
     random = np.random.default_rng([7, seed])
     columns: dict[str, Array] = {"t [s]": drive.time}
     for name, p in zip(arm.inputs, drive.pressures.T, strict=True):

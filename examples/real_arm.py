@@ -26,7 +26,7 @@ def replay(arm: bha.Arm, log: bha.Log) -> Array:
     """Simulated minus measured head positions (m, heads, 3), m."""
     measured = log.head_positions
     assert measured is not None
-    return np.asarray(bha.simulate(arm, log).head_positions - measured)
+    return np.asarray(bha.simulate(arm, log, times=log.time).head_positions - measured)
 
 
 def distance(a: tuple[Array, Array], b: tuple[Array, Array], shift: float) -> float:

@@ -4,6 +4,7 @@ use bha_core::arm::Arm;
 use bha_core::closed_loop::{Stepper, rest_near};
 use bha_core::control::{Controller, ControllerParameters, Limits, Target};
 use bha_core::parameters::ArmParameters;
+use bha_core::stepping::{Plan, Stepping};
 use serde::Deserialize;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::HashMap;
@@ -55,7 +56,7 @@ fn a_period_allocates_nothing() {
     let (m, n) = (arm.coordinates(), arm.inputs);
     let limits = Limits { low: vec![0.6e5; n], high: vec![3e5; n], preferred: vec![1.2e5; n] };
     let pose = vec![0.19; m];
-    let (p, q) = rest_near(&arm, &pose, &limits).unwrap();
+    let (p, q) = rest_near(&arm, &pose, &limits, &mut || false).unwrap();
     let laws = [
         serde_json::json!({"kind": "pid", "proportional": vec![1e5; n], "integral": vec![1e5; n], "derivative": vec![1e3; n]}),
         serde_json::json!({"kind": "gravity_pd", "proportional": vec![500.0; m], "integral": vec![100.0; m], "derivative": vec![10.0; m]}),
@@ -75,8 +76,8 @@ fn a_period_allocates_nothing() {
         }))
         .unwrap();
         let mut controller = Controller::new(arm.clone(), parameters).unwrap();
-        let mut plant = Stepper::new(arm.clone(), 1e-3).unwrap();
-        plant.reset(Some(&q), None, &p).unwrap();
+        let mut plant = Stepper::new(arm.clone(), Plan { stepping: Stepping::RungeKutta, step: 1e-3 }).unwrap();
+        plant.reset(Some(&q), None, &p, &mut || false).unwrap();
         let (mut command, still) = (p.clone(), vec![0.0; m]);
         let mut period = |controller: &mut Controller| {
             let target = Target { q: &pose, qd: &still, qdd: &still };

@@ -57,7 +57,7 @@ def test_windows_of_one_input(arm: bha.Arm) -> None:
     whole = bha.simulate(arm, source, dt=0.01, method="rk4")
     states = np.hstack([whole.lengths, whole.velocities])
     times = np.array([[0.05, 0.07, 0.10], [0.10, 0.14, np.nan]])
-    batch = bha.simulate_batch(arm, source, states[[5, 10]], times=times, start=[0.05, 0.10])
+    batch = bha.simulate_batch(arm, source, states[[5, 10]], times=times, start=[0.05, 0.10], method="rk4")
     np.testing.assert_allclose(batch.lengths[0], whole.lengths[[5, 7, 10]], rtol=1e-10)
     np.testing.assert_allclose(batch.lengths[1, :2], whole.lengths[[10, 14]], rtol=1e-10)
     assert np.isnan(batch.lengths[1, 2]).all()
@@ -80,7 +80,13 @@ def test_lanes_agree_with_single_members(arm: bha.Arm, instruction_set: str, int
     times = start[:, None] + np.array([0.0, 0.01, 0.013, 0.1])
     states = rests(arm, count)
     states[:, 9:] = rng.uniform(-0.1, 0.1, (count, 9))
-    arguments = {"times": times, "start": start, "interpolation": interpolation, "head_positions": True}
+    arguments = {
+        "times": times,
+        "start": start,
+        "interpolation": interpolation,
+        "head_positions": True,
+        "method": "rk4",
+    }
     alone = bha.simulate_batch(arms, inputs, states, instruction_set="scalar", **arguments)
     abreast = bha.simulate_batch(arms, inputs, states, instruction_set=instruction_set, **arguments)
     assert alone.succeeded.all()
@@ -122,7 +128,7 @@ def test_effects_on_pressures_abreast(arm: bha.Arm, effects: str, pneumatics: st
         time = np.sort(rng.uniform(0.0, 0.12, 20 + k))
         inputs.append(bha.Input(time, 101_325.0 + rng.uniform(0.0, 0.8e5, (time.size, 9))))
     start = rng.uniform(0.0, 0.05, count)
-    arguments = {"times": start[:, None] + np.array([0.0, 0.003, 0.05]), "start": start}
+    arguments = {"times": start[:, None] + np.array([0.0, 0.003, 0.05]), "start": start, "method": "rk4"}
     alone = bha.simulate_batch(arm, inputs, rests(arm, count), instruction_set="scalar", **arguments)
     abreast = bha.simulate_batch(arm, inputs, rests(arm, count), instruction_set=instruction_set, **arguments)
     assert alone.succeeded.all()
@@ -140,7 +146,7 @@ def test_different_steps_at_the_same_times_abreast(arm: bha.Arm, effects: list, 
     rng = np.random.default_rng(8)
     time = np.array([0.0, 0.0123, 0.04])
     inputs = [bha.Input(time, 101_325.0 + rng.uniform(0.0, 0.8e5, (3, 9))) for _ in range(9)]
-    arguments = {"times": [0.0, 0.02, 0.07], "interpolation": "hold"}
+    arguments = {"times": [0.0, 0.02, 0.07], "interpolation": "hold", "method": "rk4"}
     alone = bha.simulate_batch(arm, inputs, rests(arm, 9), instruction_set="scalar", **arguments)
     abreast = bha.simulate_batch(arm, inputs, rests(arm, 9), instruction_set=instruction_set, **arguments)
     np.testing.assert_array_equal(abreast.statistics, alone.statistics)
@@ -154,7 +160,7 @@ def test_a_diverged_lane_disturbs_nobody(arm: bha.Arm, instruction_set: str) -> 
     states = rests(arm, 9)
     states[[0, 5, 8], 9:] = [40.0, -40.0, 40.0] * 3
     states[5, 9:] *= 1e150
-    arguments = {"times": np.linspace(0.0, 0.1, 11)}
+    arguments = {"times": np.linspace(0.0, 0.1, 11), "method": "rk4"}
     alone = bha.simulate_batch(arm, drive(arm), states, instruction_set="scalar", **arguments)
     abreast = bha.simulate_batch(arm, drive(arm), states, instruction_set=instruction_set, **arguments)
     assert list(abreast.succeeded) == [k not in {0, 5, 8} for k in range(9)]
@@ -177,9 +183,9 @@ def test_a_failed_member_keeps_its_place(arm: bha.Arm) -> None:
     """One of them starts so fast that it diverges."""
     states = rests(arm, 9)
     times = np.linspace(0.0, 0.1, 11)
-    good = bha.simulate_batch(arm, drive(arm), np.delete(states, 4, axis=0), times=times)
+    good = bha.simulate_batch(arm, drive(arm), np.delete(states, 4, axis=0), times=times, method="rk4")
     states[4, 9:] = [40.0, -40.0, 40.0] * 3
-    batch = bha.simulate_batch(arm, drive(arm), states, times=times)
+    batch = bha.simulate_batch(arm, drive(arm), states, times=times, method="rk4")
     assert list(batch.succeeded) == [k != 4 for k in range(9)]
     failure = batch.failures[4]
     assert isinstance(failure, bha.SimulationError)
@@ -250,7 +256,7 @@ def test_measured_pressures_go_past_the_pneumatics_as_in_single_runs() -> None:
     arm = bha.robots.load("bha_nominal").with_changes(pneumatics="full")
     time, pressures = np.array([0.0, 0.1, 0.3]), np.repeat([[1.1e5], [1.4e5], [1.4e5]], 9, axis=1)
     drives = [bha.Input(time, pressures, None, commanded) for commanded in (True, False)]
-    batch = bha.simulate_batch(arm, drives, times=[0.0, 0.3])
+    batch = bha.simulate_batch(arm, drives, times=[0.0, 0.3], method="rk4")
     for member, drive in enumerate(drives):
         alone = bha.Simulation(arm, drive, bha.Options("rk4")).advance([0.0, 0.3])
         np.testing.assert_allclose(batch.lengths[member], alone.lengths, rtol=0, atol=1e-12)
@@ -260,3 +266,90 @@ def test_measured_pressures_go_past_the_pneumatics_as_in_single_runs() -> None:
 def test_a_line_says_what_it_is(arm: bha.Arm) -> None:
     batch = bha.simulate_batch(arm, [drive(arm, 0), drive(arm, 1)])
     assert repr(batch) == "<Batch: 2 members, 0 failed, 5 rows, 3 sections>"
+
+
+def stiff() -> bha.Arm:
+    return bha.robots.load("asu_two_section_january")
+
+
+def stiff_drive(arm: bha.Arm, seed: int = 4) -> bha.Input:
+    t = np.arange(0.0, 0.6, 0.01)
+    p = 1.1e5 + 4e4 * np.sin(np.multiply.outer(t, 3.0 + np.arange(len(arm.inputs)))) ** 2
+    return bha.Input(t, p + np.random.default_rng(seed).normal(0.0, 50.0, p.shape))
+
+
+@pytest.mark.parametrize("instruction_set", LANES)
+@pytest.mark.parametrize("which", ["nominal", "stiff", "stiff with effects", "lag", "full"])
+def test_adaptive_members_abreast(arm: bha.Arm, which: str, instruction_set: str) -> None:
+    """By default each as alone to the tolerance; with shared steps as the first one's steps make them, to rounding."""
+    effects = [
+        {"kind": "hysteresis", "where": "all", "amplitude": 3.0, "yield": 2e-3},
+        {"kind": "creep", "where": "all", "stiffness": 400.0, "tau": 0.3},
+        {"kind": "pressure_lag", "where": "all", "fill": 0.05, "vent": 0.1},
+    ]
+    chosen = stiff() if "stiff" in which else arm
+    if "effects" in which:
+        chosen = chosen.with_effects(effects)
+    if which in ("lag", "full"):
+        chosen = chosen.with_changes(pneumatics=which)
+    source, count = stiff_drive(chosen), 11
+    arms = [chosen.with_changes(gravity=(0.01 * k, 0.0, 9.81)) for k in range(count)]
+    times = np.linspace(0.0, 0.5, 26)
+    abreast = bha.simulate_batch(arms, source, times=times, instruction_set=instruction_set)
+    assert abreast.succeeded.all()
+    tolerance = 2e-5 if which in ("full", "stiff with effects") else 2e-6
+    for k in (0, 10):
+        alone = bha.simulate(arms[k], source, times=times)
+        np.testing.assert_allclose(abreast.lengths[k], alone.lengths, rtol=0, atol=tolerance)
+    one, other = (
+        bha.simulate_batch(arms, source, times=times, instruction_set=name, shared_steps=True)
+        for name in ("scalar", instruction_set)
+    )
+    np.testing.assert_array_equal(one.statistics[:, 0], other.statistics[0, 0])
+    np.testing.assert_allclose(one.lengths, other.lengths, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(one.lengths[0], bha.simulate(arms[0], source, times=times).lengths, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("instruction_set", ["scalar", *LANES[-1:]])
+def test_shared_steps_are_no_noise_in_a_difference(instruction_set: str) -> None:
+    """Members that differ by less and less: their difference by the parameter converges, over several blocks."""
+    chosen = stiff()
+    source = stiff_drive(chosen)
+    steps = 10.0 ** np.arange(-6, -1)
+    arms = [chosen] + [chosen.with_changes(gravity=(0.0, 0.0, 9.81 + h)) for h in np.repeat(steps, 4)]
+    batch = bha.simulate_batch(arms, source, times=[0.0, 0.5], shared_steps=True, instruction_set=instruction_set)
+    slopes = (batch.lengths[1:, -1] - batch.lengths[0, -1]) / np.repeat(steps, 4)[:, None]
+    np.testing.assert_allclose(
+        slopes, np.broadcast_to(slopes[12], slopes.shape), rtol=0, atol=1e-4 * np.abs(slopes).max()
+    )
+
+
+@pytest.mark.parametrize("method", ["auto", "rodas4"])
+def test_a_lane_that_needs_steps_too_short_is_left_behind(arm: bha.Arm, method: str) -> None:
+    """Its member fails; the others go on as they would without it."""
+    states = rests(arm, 9)
+    states[[0, 5], 9:] = [40.0, -40.0, 40.0] * 3
+    times = np.linspace(0.0, 0.1, 11)
+    batch = bha.simulate_batch(arm, drive(arm), states, times=times, method=method)
+    assert list(batch.succeeded) == [k not in {0, 5} for k in range(9)]
+    assert all(isinstance(batch.failures[k], bha.SimulationError) for k in (0, 5))
+    assert np.isnan(batch.lengths[[0, 5], -1]).all()
+    others = bha.simulate_batch(arm, drive(arm), states[batch.succeeded], times=times, method=method)
+    np.testing.assert_allclose(batch.lengths[batch.succeeded], others.lengths, rtol=0, atol=2e-6)
+
+
+def test_members_with_clocks_of_their_own(arm: bha.Arm) -> None:
+    """The same log by other clocks is the same run."""
+    source = drive(arm)
+    clocks = np.array([0.0, 1.7e9, -3.0])
+    inputs = [bha.Input(source.time + clock, source.pressures) for clock in clocks]
+    times = clocks[:, None] + np.array([0.0, 0.05, 0.2])
+    batch = bha.simulate_batch(arm, inputs, times=times)
+    assert batch.succeeded.all()
+    # Seconds since 1970 hold a tenth of a microsecond.
+    np.testing.assert_allclose(batch.lengths, np.broadcast_to(batch.lengths[0], batch.lengths.shape), rtol=0, atol=1e-6)
+
+
+def test_too_many_rows_are_an_error_at_once(arm: bha.Arm) -> None:
+    with pytest.raises(bha.InputError, match="rows of members; fewer at a time are needed"):
+        bha.simulate_batch([arm] * 200_000, drive(arm), times=np.linspace(0.0, 0.1, 1_000_000))

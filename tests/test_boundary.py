@@ -339,6 +339,35 @@ def test_numbers_beyond_the_model_are_no_quiet_answer() -> None:
     }.items():
         with pytest.raises(InputError, match=f"{name}: not finite"):
             call()
+    with pytest.raises(InputError, match="states of the plants: not finite"):
+        _fleet().reset([0], 1e10 * Q[None], P[None])
+
+
+def test_whole_numbers_and_offsets_are_checked_by_name() -> None:
+    for wrong in (0, 4, -1, 10**30, 1.0, "2", None, np.array([1])):
+        with pytest.raises(InputError, match=r"section: .*; whole numbers from 1 to 3 are allowed"):
+            ARM.jacobian(Q, wrong)  # type: ignore[arg-type]
+    for wrong in (0, -1, 10**30, "2", 1.5):
+        with pytest.raises(InputError, match=r"points_per_section: .*; whole numbers from 1 to 333333"):
+            ARM.shape(Q, wrong)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(ARM.jacobian(Q, np.int64(2)), ARM.jacobian(Q, 2))
+    for offset in ([0.0, 0.0], [0.0, 0.0, np.nan], ["a"] * 3, 1.0):
+        with pytest.raises(InputError, match="offset: "):
+            ARM.point_pose(Q, 1, 0.5, offset)
+    with pytest.raises(InputError, match=r"seed: -1; whole numbers from 0"):
+        _core.closed_loop(Stepper(ARM, 1e-3), _controller(), np.zeros((1, 3 * N)), 1e-3, seed=-1)
+
+
+def test_what_is_no_arm_is_said() -> None:
+    for call, text in {
+        lambda: bha.Arm("arm.toml"): "parameters: str; ArmParameters are needed",  # type: ignore[arg-type]
+        lambda: ARM.with_changes(gravity="down"): "gravity: an array of floats",
+        lambda: ARM.with_changes(gravity=(0.0, 9.81)): "gravity: expected shape",
+        lambda: ARM.with_effects("creep"): "effects: a list",  # type: ignore[arg-type]
+        lambda: ARM.with_effects([5]): "effects: a list",  # type: ignore[list-item]
+    }.items():
+        with pytest.raises(InputError, match=text):
+            call()
 
 
 def test_static_lengths_that_are_none() -> None:
@@ -370,7 +399,9 @@ def test_kinematics_of_many_states_are_those_of_each() -> None:
 
 
 def test_absurd_sizes_are_errors_at_once() -> None:
-    with pytest.raises(InputError, match="points_per_section: 1000000000000000; 1 to 333333 are allowed"):
+    with pytest.raises(
+        InputError, match="points_per_section: 1000000000000000; whole numbers from 1 to 333333 are allowed"
+    ):
         ARM.shape(Q, 10**15)
     with pytest.raises(InputError, match="count: 10000000000; 1 to 1048576 environments"):
         _core.Fleet(ARM, 10**10, Q, P)

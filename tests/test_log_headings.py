@@ -81,6 +81,10 @@ def test_lines_above_headings_of_another_kind(tmp_path: Path) -> None:
     assert "line 1 is no line of headings" in fault(tmp_path, "sep=;\nt [s];p11 [Pa]\n0;1\n")
     assert "in line 3" in fault(tmp_path, "made,1\nby,2\nFrame,Time (Seconds),X\n0,1,2\n")
     assert fault(tmp_path, "sep=,\n1,2\n").endswith("found 'sep=,'; remove the lines above the headings")
+    for line in ('"t [s],p11 [Pa]"', '"t [s],p11 [Pa]'):
+        assert "line 1: all headings stand in one pair of quotes, or a quote is not" in fault(
+            tmp_path, f"{line}\n0,1\n"
+        )
     assert fault(tmp_path, "a;b\n1;2\n") == "FILE: there is no column of time, 't [s]'; the log has: a;b"
     assert "line 1: the headings are separated by '\\t'; exp" in fault(tmp_path, "t [s]\tp11 [Pa]\n0\t1\n")
     assert fault(tmp_path, "a,b\n1,2\n") == "FILE: there is no column of time, 't [s]'; the log has: a, b"
@@ -103,6 +107,10 @@ def test_lines_above_headings_of_another_kind(tmp_path: Path) -> None:
         ),
         (f"p11{' ' * 90}[Pa{' ' * 90}(x", "is not known; did you mean 'p11 [Pa]'? Rename it"),
         ("p11 [kPa] (g)", "column 'p11 [kPa] (g)' is not known; did you mean 'p11 [kPa(g)]'? Rename it"),
+        ("P_11 [kPag]", "column 'P_11 [kPag]' is not known; did you mean 'p11 [kPa(g)]'? Rename it"),
+        ("p11 kPa", "column 'p11 kPa' is not known; did you mean 'p11 [kPa]'? Rename it"),
+        ("q11_mm", "column 'q11_mm' is not known; did you mean 'q11 [mm]'? Rename it"),
+        ("pc11/psig", "column 'pc11/psig' is not known; did you mean 'pc11 [psi(g)]'? Rename it"),
         ("p11 [kPa", "column 'p11 [kPa' is not known; did you mean 'p11 [kPa]'? Rename it"),
         ("Q11 ]mm[", "column 'Q11 ]mm['"),
     ],

@@ -84,9 +84,17 @@ def test_what_is_no_table_of_columns_is_refused() -> None:
         Log.from_frame(TIME)
 
 
-def test_a_number_that_its_unit_makes_too_great_is_an_error() -> None:
-    with pytest.raises(LogError, match=r"row 2, column 'p11 \[bar\]': the value is too great to be given in Pa"):
-        Log.from_arrays(TIME | {"p11 [bar]": [1.0, 1e308]})
+@pytest.mark.parametrize(
+    ("heading", "value", "unit"),
+    [("p11 [bar]", 1e308, "Pa"), ("q11 [m]", -1e31, "m"), ("q11 [mm]", 1e300, "m"), ("t [h]", 1e28, "s")],
+)
+def test_values_too_great_to_compute_with_are_errors(heading: str, value: float, unit: str) -> None:
+    columns = {"t [s]": [0.0, 1.0, 2.0], heading: [1.0, np.nan if heading[0] == "q" else 1.0, value]}
+    if heading.startswith("t"):
+        del columns["t [s]"]
+    found = f"row 3, column '{heading}': the value is too great to compute with, above 1e+30 {unit}; check the unit"
+    assert found in fault(columns, missing=True)
+    assert len(Log.from_arrays({"t [s]": [0.0], "wire": [1e308]})) == 1
 
 
 class Column:

@@ -1,7 +1,7 @@
 """Files, tables and mappings with faults of every kind: an error of the package, or something finite; never more.
 
-The examples are fixed. ``BHA_MUTATIONS=5000 pytest tests/test_mutations.py`` tries that many new ones of each kind, two
-seconds each at most.
+The examples are fixed. ``HYPOTHESIS_PROFILE=long pytest tests/test_mutations.py`` draws new ones by the thousand, and
+gives the processor two seconds for each.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import io
 import json
 import os
 import pickle
+import time
 from collections.abc import Callable
 from decimal import Decimal
 from pathlib import Path
@@ -26,12 +27,12 @@ from bha import Arm, Log
 from bha.errors import InputError, LogError, ParameterError
 from bha.parameters import ArmParameters, paths
 
-MANY = os.environ.get("BHA_MUTATIONS")
+LONG = os.environ.get("HYPOTHESIS_PROFILE") == "long"
 examples = settings(
-    max_examples=int(MANY or 60),
-    derandomize=MANY is None,
+    max_examples=20_000 if LONG else 60,
+    derandomize=not LONG,
     database=None,
-    deadline=2000 if MANY else None,
+    deadline=None,
     suppress_health_check=list(HealthCheck),
 )
 pytestmark = pytest.mark.filterwarnings("ignore::bha.LogWarning", "ignore::bha.ParameterWarning")
@@ -180,10 +181,13 @@ def assert_sound(log: Log) -> None:
 
 def outcome(call: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
     """What a call returns, or the package's own error that it raises: of a length that can be read."""
+    start = time.process_time()
     try:
         return call(*arguments, **options)
     except (LogError, ParameterError, InputError) as error:
         return error
+    finally:
+        assert not LONG or time.process_time() - start < 2.0
 
 
 def assert_readable(error: Exception, origin: str = "") -> None:

@@ -9,6 +9,7 @@ from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
 from bha.batch import Batch, simulate_batch
+from bha.checkup import Checkup, check
 from bha.derivatives import Derivatives, Sensitivities, parameter_names, sensitivities
 from bha.diagnose import diagnose
 from bha.errors import (
@@ -33,6 +34,7 @@ __all__ = [
     "Arm",
     "Batch",
     "BhaError",
+    "Checkup",
     "ConvergenceError",
     "Derivatives",
     "FileError",
@@ -53,6 +55,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryWriter",
     "__version__",
+    "check",
     "diagnose",
     "parameter_names",
     "robots",

@@ -28,6 +28,7 @@ __all__ = [
     "instruction_sets",
     "linear_quadratic_gain",
     "linearize",
+    "plan_steps",
     "read_table",
     "resolved_motion",
     "rest_near",
@@ -62,12 +63,12 @@ class Arm:
     def __new__(cls, parameters_json: str) -> Self: ...
     def forward_kinematics(self, q: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def point_pose(
-        self, q: ArrayLike, section: int, fraction: float = 1.0, offset: tuple[float, float, float] = ...
+        self, q: ArrayLike, section: int, fraction: float = 1.0, offset: ArrayLike | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def jacobian(
-        self, q: ArrayLike, section: int, fraction: float = 1.0, offset: tuple[float, float, float] = ...
+        self, q: ArrayLike, section: int, fraction: float = 1.0, offset: ArrayLike | None = None
     ) -> NDArray[np.float64]: ...
-    def shape(self, q: ArrayLike, points_per_section: int = 20) -> NDArray[np.float64]: ...
+    def shape(self, q: ArrayLike, points_per_section: int | None = None) -> NDArray[np.float64]: ...
     def configuration(self, q: ArrayLike) -> NDArray[np.float64]: ...
     def dynamics_terms(
         self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None
@@ -136,7 +137,7 @@ class Simulation:
         forces: ArrayLike | None = None,
         *,
         interpolation: str = "linear",
-        method: str = "dopri5",
+        method: str = "auto",
         step: float = 1e-3,
         rtol: float = 1e-6,
         atol: float = 1e-8,
@@ -148,6 +149,8 @@ class Simulation:
         qd: ArrayLike | None = None,
     ) -> Self: ...
     def advance(self, times: ArrayLike) -> tuple[dict[str, NDArray[np.float64]], SimulationError | None]: ...
+    @property
+    def method(self) -> str: ...
     @property
     def statistics(self) -> tuple[int, int, int]: ...
 
@@ -176,17 +179,30 @@ def sensitivities(
     directions: ArrayLike,
     *,
     interpolation: str = "linear",
-    method: str = "dopri5",
+    method: str = "auto",
     step: float = 1e-3,
     rtol: float = 1e-6,
     atol: float = 1e-8,
     max_steps: int | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def check_options(
+    method: str,
+    step: float,
+    rtol: float,
+    atol: float,
+    min_step: float,
+    max_step: float,
+    max_steps: int | None,
+    interpolation: str | None,
+) -> None: ...
 def instruction_sets() -> list[str]: ...
 
 @disjoint_base
 class Stepper:
-    def __new__(cls, arm: Arm, step: float = 1e-3) -> Self: ...
+    def __new__(cls, arm: Arm, step: float = 1e-3, method: str = "rk4") -> Self: ...
+    @property
+    def _state(self) -> NDArray[np.float64]: ...
+    def _resume(self, state: ArrayLike) -> None: ...
     def reset(self, p: ArrayLike, q: ArrayLike | None = None, qd: ArrayLike | None = None) -> NDArray[np.float64]: ...
     def step(self, p: ArrayLike, dt: float) -> NDArray[np.float64]: ...
     @property
@@ -194,11 +210,12 @@ class Stepper:
     @property
     def lengths(self) -> NDArray[np.float64]: ...
     @property
+    def measured_lengths(self) -> NDArray[np.float64]: ...
+    @property
     def velocities(self) -> NDArray[np.float64]: ...
     @property
     def pressures(self) -> NDArray[np.float64]: ...
 
-@final
 class Fleet:
     def __new__(
         cls,
@@ -210,6 +227,9 @@ class Fleet:
         threads: int = 0,
         method: str = "rk4",
     ) -> Self: ...
+    @property
+    def _state(self) -> NDArray[np.float64]: ...
+    def _resume(self, state: ArrayLike) -> None: ...
     def reset(self, indices: Sequence[int], q: ArrayLike, p: ArrayLike) -> NDArray[np.float64]: ...
     def step(self, p: ArrayLike, dt: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
 
@@ -224,6 +244,8 @@ class Controller:
     def estimate(self) -> NDArray[np.float64]: ...
     @property
     def observer_gain(self) -> NDArray[np.float64]: ...
+    @property
+    def observer_substeps(self) -> int: ...
 
 def closed_loop(
     stepper: Stepper,
@@ -233,8 +255,8 @@ def closed_loop(
     *,
     length_noise: float = 0.0,
     pressure_noise: float = 0.0,
-    seed: int = 0,
-    decimation: int = 1,
+    seed: int | None = None,
+    decimation: int | None = None,
 ) -> tuple[
     NDArray[np.float64],
     NDArray[np.float64],
@@ -245,6 +267,9 @@ def closed_loop(
     NDArray[np.float64],
     SimulationError | None,
 ]: ...
+def plan_steps(
+    arm: Arm, pressures: ArrayLike, method: str | None, step: float | None, usual: float
+) -> tuple[str, float]: ...
 def rest_near(
     arm: Arm, q: ArrayLike, low: ArrayLike, high: ArrayLike, preferred: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
@@ -255,7 +280,7 @@ def resolved_motion(
     start: ArrayLike,
     low: ArrayLike,
     high: ArrayLike,
-    offset: tuple[float, float, float] = ...,
+    offset: ArrayLike | None = None,
 ) -> NDArray[np.float64]: ...
 def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
@@ -269,8 +294,8 @@ def simulate_batch(
     start: ArrayLike,
     state: ArrayLike | None = None,
     *,
-    interpolation: str = "linear",
-    method: str = "rk4",
+    interpolation: Sequence[str] | None = None,
+    method: str = "auto",
     step: float = 1e-3,
     rtol: float = 1e-6,
     atol: float = 1e-8,
@@ -281,6 +306,7 @@ def simulate_batch(
     head_positions: bool = False,
     head_orientations: bool = False,
     measured: bool = False,
+    shared_steps: bool = False,
     threads: int = 0,
     instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,
@@ -323,4 +349,4 @@ def read_table(
     progress: Callable[[float], None] | None = None,
     name: str | None = None,
 ) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
-def format_table_rows(columns: Sequence[NDArray[np.float64]]) -> bytes: ...
+def format_table_rows(columns: Sequence[ArrayLike]) -> bytes: ...

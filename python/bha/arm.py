@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arrays import floats
+from bha.errors import InputError
 from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel, paths
 
 if TYPE_CHECKING:
@@ -30,6 +32,9 @@ class Arm(_core.Arm):
 
     def __new__(cls, parameters: ArmParameters) -> Self:
         """Build the model of ``parameters``; the same as :meth:`from_parameters`."""
+        if not isinstance(parameters, ArmParameters):
+            found = type(parameters).__name__
+            raise InputError(f"parameters: {found}; ArmParameters are needed (Arm.load reads a file)")
         self = super().__new__(cls, parameters.to_core_json())
         self._parameters = parameters
         self._differentiators = {}
@@ -101,10 +106,11 @@ class Arm(_core.Arm):
 
         Raises:
             ParameterError: a value that is not allowed.
+            InputError: ``gravity`` is not three numbers.
         """
         changes: dict[str, Any] = {
             "name": name,
-            "gravity": None if gravity is None else [float(entry) for entry in gravity],
+            "gravity": None if gravity is None else floats(gravity, "gravity", (3,)).tolist(),
             "ambient_pressure": ambient_pressure,
             "force_model": force_model,
             "rotational_energy": rotational_energy,
@@ -152,7 +158,10 @@ class Arm(_core.Arm):
 
         Raises:
             ParameterError: an effect that is not allowed.
+            InputError: something that is no list of effects.
         """
+        if not (isinstance(effects, Sequence) and all(isinstance(e, EffectParameters | Mapping) for e in effects)):
+            raise InputError("effects: a list of EffectParameters or of mappings, as [[effect]] tables are, is needed")
         tables = [effect.to_mapping() if isinstance(effect, EffectParameters) else dict(effect) for effect in effects]
         return self.with_parameters(self._parameters.updated({"effect": tables}))
 

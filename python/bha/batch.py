@@ -14,7 +14,7 @@ from bha.arrays import floats
 from bha.errors import BhaError, InputError
 from bha.log import Log
 from bha.recordings import Recording
-from bha.simulation import Input, Interpolation, Method, as_input
+from bha.simulation import Input, Interpolation, Method, Options, as_input, check_room
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -70,12 +70,13 @@ def simulate_batch(
     *,
     times: ArrayLike | None = None,
     start: ArrayLike | None = None,
-    method: Method = "rk4",
+    method: Method = "auto",
     step: float = 1e-3,
     rtol: float = 1e-6,
     atol: float = 1e-8,
     max_steps: int | None = None,
-    interpolation: Interpolation = "linear",
+    interpolation: Interpolation | None = None,
+    shared_steps: bool = False,
     velocities: bool = True,
     head_positions: bool = False,
     head_orientations: bool = False,
@@ -89,7 +90,13 @@ def simulate_batch(
     ``arms``, ``inputs``, ``x0``, ``start`` and ``times`` are each one for all members or one a member; the longest says
     how many members there are. A member may be a window: its own start, initial state and output times. The result does
     not depend on ``threads``. Members with the same output times after their start are computed abreast,
-    in the lanes of the processor's vector registers; they agree with single simulations to rounding (1e-12).
+    in the lanes of the processor's vector registers. With a fixed step they agree with single simulations to rounding
+    (1e-12). With an adaptive method members abreast take steps together, controlled by the one with the greatest error:
+    they agree with single simulations to the tolerance. ``dopri5`` by name is run one by one, as alone.
+
+    Differences between members, as for a Jacobian, need ``shared_steps``: then all members that can be abreast, however
+    many, take the steps that the first of them takes alone, and no choice of steps shows in a difference. The error is
+    controlled for the first, so the others should be close to it.
 
     Args:
         arms: the arms; all need the same number of sections and of inputs.
@@ -100,20 +107,21 @@ def simulate_batch(
         times: times of the rows, s, on the clock of the input, shape (rows,) or (members, rows), ascending; NaN at a
             row's end where a member has fewer. The samples of the first input from the start on if None.
         start: when the members start, s, a number or (members,); the first sample of the input if None.
-        method: ``"rk4"``, ``"ros2"`` or ``"dopri5"``.
-        step: longest step of ``rk4``, s.
-        rtol: relative tolerance of ``dopri5``.
-        atol: absolute tolerance of ``dopri5``, m and m/s.
+        method: as in :class:`bha.Options`; ``"auto"`` chooses one for all members, the implicit one if an arm is stiff.
+        step: longest step of ``rk4`` and ``ros2``, s.
+        rtol: relative tolerance of adaptive methods.
+        atol: absolute tolerance of adaptive methods, m and m/s.
         max_steps: most steps of a member; None is no limit.
-        interpolation: what holds between two samples, ``"linear"`` or ``"hold"``.
+        interpolation: what holds between two samples, ``"linear"`` or ``"hold"``, in place of what the inputs say.
+        shared_steps: whether members take the steps of the first, see above.
         velocities: whether to return the rates.
         head_positions: whether to return the heads' positions.
         head_orientations: whether to return the heads' orientations.
         measured: whether lengths and heads are to be those that the sensors have, where effects of an arm act on
             sensors (delay, offset, gain), in place of the true ones.
         threads: how many threads; as many as there are cores if None.
-        instruction_set: what computes members abreast with ``"rk4"``: ``"scalar"`` (one after the other), ``"neon"``,
-            ``"avx2"`` (4) or ``"avx512"`` (8); the widest one of this processor if None.
+        instruction_set: what computes members abreast: ``"scalar"`` (one after the other), ``"neon"``, ``"avx2"`` (4)
+            or ``"avx512"`` (8); the widest one of this processor if None.
         progress: called about 20 times a second with the fraction of members done.
 
     Returns:
@@ -152,6 +160,11 @@ def simulate_batch(
     if state is not None:
         state = np.ascontiguousarray(np.broadcast_to(state, (count, state.shape[-1])))
 
+    options = Options(method, step, rtol, atol, max_steps=max_steps, interpolation=interpolation)
+    each = 3 * (1 + velocities + head_positions) + 4 * head_orientations
+    columns = unique_arms[0].section_count * each
+    check_room(float(count) * max(map(len, time_sets)), 8 * columns, "rows of members; fewer at a time are needed.")
+
     lengths, rates, heads, orientations, failures, statistics = _core.simulate_batch(
         unique_arms,
         [(d.time, d.pressures, d.force_rows) for d in drives],
@@ -159,16 +172,17 @@ def simulate_batch(
         [(arm_index[k], input_index[k], k if len(time_sets) > 1 else 0) for k in range(count)],
         starts,
         state,
-        interpolation=interpolation,
-        method=method,
-        step=step,
-        rtol=rtol,
-        atol=atol,
-        max_steps=max_steps,
+        interpolation=[interpolation or d.interpolation for d in drives],
+        method=options.method,
+        step=options.step,
+        rtol=options.rtol,
+        atol=options.atol,
+        max_steps=options.max_steps,
         velocities=velocities,
         head_positions=head_positions,
         head_orientations=head_orientations,
         measured=measured,
+        shared_steps=shared_steps,
         threads=_thread_count(threads),
         instruction_set=instruction_set,
         progress=progress,

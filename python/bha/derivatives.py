@@ -173,7 +173,7 @@ def sensitivities(
         [difference_arms(arm, path) for path in names],
         [None] * initial + list(range(len(names))),
         seeds,
-        interpolation=options.interpolation,
+        interpolation=options.interpolation or source.interpolation,
         method=options.method,
         step=options.step,
         rtol=options.rtol,

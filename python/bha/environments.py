@@ -3,11 +3,18 @@
 The task: bring the tip (head of the last section) to a random reachable point and keep it there.
 
 - Action, float32 (inputs,) in -1 to 1: commanded pressure of each input over its ``pressure_range``.
-- Observation, float32 (6n + inputs + 6,): lengths (0 at the middle, -1 and 1 at the ends of ``length_range``), rates
-  (m/s times 2), pressures in the chambers (like the action), tip position and way from the tip to the target (m).
+- Observation, float32 (6n + inputs + 6,): measured lengths (0 at the middle, -1 and 1 at the ends of ``length_range``;
+  effects on sensors included), rates (m/s times 2), pressures in the chambers (like the action), tip position and way
+  from the tip to the target (m).
 - Reward: minus the distance to the target, m, for each step.
-- An episode ends (terminated) only if the arm diverges, which no pressure within the range makes it do; it is cut
-  (truncated) after ``max_episode_steps``.
+- An episode ends (terminated) only if the motion leaves what the model describes: a mean length that is not positive,
+  more than one and a half turns. Pressures that jump over their whole range at random can make a lightly damped arm
+  with ideal pneumatics do so; the integration does not. It is cut (truncated) after ``max_episode_steps``.
+- Method and step of the integration are chosen for the arm: RK4, or for stiff arms a linearly implicit method
+  (:func:`bha.control.stepper.plan_steps`). A step given with an explicit method that is not stable with it is an
+  ``InputError``.
+
+Environments pickle, copy (``copy.deepcopy`` for planning ahead) and survive a fork, hidden states included.
 
 Importing this module makes them known to Gymnasium: then ``gymnasium.make("bha/Reach-v0")`` and
 ``gymnasium.make_vec("bha/Reach-v0", num_envs=4096, vectorization_mode="vector_entry_point")`` work.
@@ -15,6 +22,7 @@ Importing this module makes them known to Gymnasium: then ``gymnasium.make("bha/
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +31,7 @@ from numpy.typing import NDArray
 import bha
 from bha import _core
 from bha.control.limits import Limits
+from bha.control.stepper import plan_steps
 from bha.errors import InputError
 from bha.extras import import_extra
 
@@ -32,13 +41,16 @@ import_extra("gymnasium.vector", extra="gym", purpose="Environments")
 ENVIRONMENT = "bha/Reach-v0"
 #: Steps of an episode where ``gymnasium.make`` is not told otherwise.
 EPISODE_STEPS = 200
+#: Longest step of the integration where none is given, s.
+USUAL_STEP = 5e-3
 # Targets are tips of poses within this part of the lengths' range around its middle.
 _REACH = 0.6
 _RATE_SCALE = 2.0
 
 Floats = NDArray[np.float64]
 #: How environments are integrated.
-Method = Literal["rk4", "symplectic_euler"]
+Method = Literal["rk4", "symplectic_euler", "ros2"]
+_METHODS = ("rk4", "symplectic_euler", "ros2")
 
 
 def register() -> None:
@@ -68,19 +80,58 @@ class _Task:
         self.start_pressures, self.start_lengths = _core.rest_near(
             self.arm, self.length_middle, found.low, found.high, found.preferred
         )
+        #: Length of the straight arm with all lengths at their longest, m: no tip is farther away.
+        self.span = float(np.linalg.norm(self.arm.forward_kinematics(found.longest)[0][-1]))
         inputs, lengths = len(found.low), len(found.shortest)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (inputs,), np.float32)
         size = 2 * lengths + inputs + 6
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
-    def fleet(self, count: int, step: float, threads: int, method: Method = "rk4") -> _core.Fleet:
+    def fleet(self, count: int, step: float | None, threads: int, method: Method | None = None) -> _Fleet:
         """Plants at rest."""
-        return _core.Fleet(self.arm, count, self.start_lengths, self.start_pressures, step, threads, method)
+        if method is not None and method not in _METHODS:
+            raise InputError(f"method: {method!r}; {', '.join(map(repr, _METHODS))} or None are allowed")
+        if threads < 0:
+            raise InputError(f"threads: {threads}; a number from 0 on is needed, 0 for as many as there are cores")
+        plan = plan_steps(self.arm, method=method, step=step, usual=USUAL_STEP)
+        return _Fleet(self.arm, count, (self.start_lengths, self.start_pressures), plan, threads)
 
-    def pressures(self, actions: Any) -> Floats:
-        """Commanded pressures, Pa absolute, of actions (..., inputs)."""
-        clipped = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
-        return np.asarray(self.pressure_middle + self.pressure_half * clipped)
+    def pressures(self, actions: Any, shape: tuple[int, ...] | None = None) -> Floats:
+        """Commanded pressures, Pa absolute, of actions (..., inputs), of a shape if one is given."""
+        try:
+            given = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError):
+            given = np.full((), np.nan)
+        shape = given.shape if shape is None else shape
+        if given.shape != shape or not np.all(np.isfinite(given)):
+            what = f"shape {given.shape}" if given.shape != shape else "some that are not"
+            raise InputError(f"action: finite numbers of shape {shape} are needed, found {what}")
+        return np.asarray(self.pressure_middle + self.pressure_half * np.clip(given, -1.0, 1.0))
+
+    def options(self, given: Any, known: tuple[str, ...]) -> dict[str, Any]:
+        """Options of a reset, checked for names."""
+        options = dict(given or {})
+        for name in options:
+            if name not in known:
+                raise InputError(f"options: there is no {name!r}; {', '.join(known)} are allowed")
+        return options
+
+    def given_target(self, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Floats:
+        """A target that a user sets, m, of one of the shapes; it must lie within what the arm's length can span."""
+        try:
+            target = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            target = np.full((), np.nan)
+        if target.shape not in shapes or not np.all(np.isfinite(target)):
+            allowed = " or ".join(map(str, shapes))
+            raise InputError(f"options: target: finite numbers of shape {allowed} are needed, found {value!r}")
+        far = float(np.linalg.norm(target, axis=-1).max())
+        if far > self.span:
+            raise InputError(
+                f"options: target: {far:.3g} m from the base, {self.arm.name} is at most {self.span:.3g} m long; "
+                "choose one within reach"
+            )
+        return target
 
     def target(self, rng: np.random.Generator) -> Floats:
         """A random reachable target (3,), m."""
@@ -105,6 +156,39 @@ class _Task:
         return np.asarray(np.sqrt(np.sum((states[..., -3:] - targets) ** 2, axis=-1)))
 
 
+class _Fleet(_core.Fleet):
+    """Plants of the core that pickle and copy as they stand."""
+
+    __slots__ = ("_made",)
+    _made: tuple[Any, ...]
+
+    def __new__(
+        cls,
+        arm: bha.Arm,
+        count: int,
+        start: tuple[Floats, Floats],
+        plan: tuple[str, float],
+        threads: int,
+        state: Floats | None = None,
+    ) -> _Fleet:
+        """``count`` plants of ``arm`` at a start (lengths, pressures), stepped by a plan (method, step)."""
+        self = super().__new__(cls, arm, count, *start, plan[1], threads, plan[0])
+        self._made = (arm, count, start, plan, threads)
+        if state is not None:
+            self._resume(state)
+        return self
+
+    @property
+    def plan(self) -> tuple[str, float]:
+        """Method and longest step, s."""
+        found: tuple[str, float] = self._made[3]
+        return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle with hidden states; what goes on from there is the same to the last digit on a like processor."""
+        return (type(self), (*self._made, self._state))
+
+
 class ReachEnv(gymnasium.Env):  # type: ignore[misc,name-defined]
     """One arm; see the module."""
 
@@ -115,8 +199,8 @@ class ReachEnv(gymnasium.Env):  # type: ignore[misc,name-defined]
         arm: bha.Arm | str | None = None,
         *,
         period: float = 0.02,
-        step: float = 5e-3,
-        method: Method = "rk4",
+        step: float | None = None,
+        method: Method | None = None,
         render_mode: str | None = None,
     ) -> None:
         """An environment of ``arm``, an arm or the name of one that comes with the package.
@@ -124,9 +208,13 @@ class ReachEnv(gymnasium.Env):  # type: ignore[misc,name-defined]
         Args:
             arm: ``"bha_nominal"`` if None; its pneumatics take part.
             period: time between two actions, s.
-            step: longest step of the integration within it, s.
-            method: ``"rk4"``, or ``"symplectic_euler"``: of first order, but four times as cheap.
+            step: longest step of the integration within it, s; None: 5 ms, or less where the method needs it.
+            method: ``"rk4"``, ``"ros2"`` (linearly implicit, for stiff arms), or ``"symplectic_euler"``: of first
+                order, but four times as cheap; None: RK4, or ``"ros2"`` where that costs less since the arm is stiff.
             render_mode: None; there is nothing to see.
+
+        Raises:
+            InputError: a step with which the explicit method asked for is not stable, or another argument out of range.
         """
         self._task = _Task(arm, period)
         self._fleet = self._task.fleet(1, step, 1, method)
@@ -141,15 +229,16 @@ class ReachEnv(gymnasium.Env):  # type: ignore[misc,name-defined]
         """Rest at the middle of the lengths and a new target; ``options={"target": (x, y, z)}`` sets it."""
         super().reset(seed=seed)
         task = self._task
-        given = (options or {}).get("target")
-        self._target = task.target(self.np_random) if given is None else np.asarray(given, dtype=np.float64)
+        given = task.options(options, ("target",)).get("target")
+        self._target = task.target(self.np_random) if given is None else task.given_target(given, ((3,),))
         states = self._fleet.reset([0], task.start_lengths[None], task.start_pressures[None])
         return task.observe(states[0], self._target), {"target": self._target.copy()}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold the action's pressures for a period."""
         task = self._task
-        states, failed = self._fleet.step(task.pressures(action)[None], task.period)
+        pressures = task.pressures(action, self.action_space.shape)
+        states, failed = self._fleet.step(pressures[None], task.period)
         distance = float(task.distance(states[0], self._target))
         return task.observe(states[0], self._target), -distance, bool(failed[0]), False, {"distance": distance}
 
@@ -173,8 +262,8 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc,name-defi
         arm: bha.Arm | str | None = None,
         *,
         period: float = 0.02,
-        step: float = 5e-3,
-        method: Method = "rk4",
+        step: float | None = None,
+        method: Method | None = None,
         max_episode_steps: int = EPISODE_STEPS,
         threads: int = 0,
         render_mode: str | None = None,
@@ -185,14 +274,17 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc,name-defi
             num_envs: how many.
             arm: ``"bha_nominal"`` if None.
             period: time between two actions, s.
-            step: longest step of the integration within it, s.
-            method: ``"rk4"``, or ``"symplectic_euler"``: of first order, but four times as cheap.
+            step: longest step of the integration within it, s; None: 5 ms, or less where the method needs it.
+            method: ``"rk4"``, ``"ros2"`` (linearly implicit, for stiff arms), or ``"symplectic_euler"``: of first
+                order, but four times as cheap; None: RK4, or ``"ros2"`` where that costs less since the arm is stiff.
             max_episode_steps: steps after which an episode is cut.
             threads: how many work; 0: as many as there are cores.
             render_mode: None; there is nothing to see.
         """
         if num_envs < 1:
             raise InputError(f"num_envs: {num_envs}; at least 1 is needed")
+        if max_episode_steps < 1:
+            raise InputError(f"max_episode_steps: {max_episode_steps}; at least 1 is needed")
         self._task = _Task(arm, period)
         self._fleet = self._task.fleet(num_envs, step, threads, method)
         self.num_envs = num_envs
@@ -206,14 +298,52 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc,name-defi
         self._ended = np.zeros(num_envs, np.bool_)
         self._targets = np.zeros((num_envs, 3))
         self._states: Floats = np.zeros((num_envs, 0))
+        self._generators: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Rest at the middle of the lengths and new targets, everywhere."""
-        super().reset(seed=seed)
-        self._renew(np.arange(self.num_envs))
-        return self._task.observe(self._states, self._targets), {}
+        """Rest at the middle of the lengths and new targets.
+
+        Args:
+            seed: of the one generator that all targets come from; or one number (or None) an environment, which then
+                has a generator of its own, as a :class:`ReachEnv` reset with it: the targets are the same.
+            options: ``"target"``: a target for all, (3,), or one each, (num_envs, 3), m; ``"reset_mask"``: which
+                environments are reset, booleans (num_envs,), the others go on (Gymnasium's partial reset).
+
+        Raises:
+            InputError: an option that there is not, or a shape or value that does not fit.
+        """
+        task, count = self._task, self.num_envs
+        given = task.options(options, ("target", "reset_mask"))
+        mask = np.ones(count, np.bool_) if given.get("reset_mask") is None else np.asarray(given["reset_mask"])
+        if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
+            raise InputError(
+                f"options: reset_mask: {count} booleans are needed, one of them true, found {given['reset_mask']!r}"
+            )
+        target = given.get("target")
+        if target is not None:
+            target = np.broadcast_to(task.given_target(target, ((3,), (count, 3))), (count, 3))
+        if seed is None or isinstance(seed, (int, np.integer)):
+            super().reset(seed=None if seed is None else int(seed))
+            if seed is not None:
+                self._generators = [None] * count
+        else:
+            self._seed_each(list(seed))
+        which = np.flatnonzero(mask)
+        self._renew(which, target)
+        self._ended[which] = False
+        return task.observe(self._states, self._targets), self._info(which)
+
+    def _seed_each(self, seeds: list[int | None]) -> None:
+        if len(seeds) != self.num_envs:
+            raise InputError(f"seed: {self.num_envs} numbers are needed, one an environment, found {len(seeds)}")
+        for k, seed in enumerate(seeds):
+            if seed is None:
+                continue
+            if not isinstance(seed, (int, np.integer)) or seed < 0:
+                raise InputError(f"seed: entry {k} is {seed!r}; whole numbers from 0 on or None are needed")
+            self._generators[k] = gymnasium.utils.seeding.np_random(int(seed))[0]
 
     def step(
         self, actions: Any
@@ -221,21 +351,34 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc,name-defi
         """Hold each action's pressures for a period; where an episode had ended, begin a new one instead."""
         task = self._task
         renewed = np.flatnonzero(self._ended)
-        self._states, failed = self._fleet.step(task.pressures(actions), task.period)
+        self._states, failed = self._fleet.step(task.pressures(actions, self.action_space.shape), task.period)
         self._steps += 1
         if len(renewed):
             self._renew(renewed)
             failed[renewed] = False
-        rewards = -task.distance(self._states, self._targets)
+        distance = task.distance(self._states, self._targets)
+        rewards = -distance
         rewards[renewed] = 0.0
         truncated = self._steps >= self._most_steps
         self._ended = failed | truncated
-        return task.observe(self._states, self._targets), rewards, failed, truncated, {}
+        begun = np.zeros(self.num_envs, np.bool_)
+        begun[renewed] = True
+        info: dict[str, Any] = {"distance": np.where(begun, 0.0, distance), "_distance": ~begun}
+        if len(renewed):
+            info |= self._info(renewed)
+        return task.observe(self._states, self._targets), rewards, failed, truncated, info
 
-    def _renew(self, which: NDArray[np.intp]) -> None:
+    def _info(self, which: NDArray[np.intp]) -> dict[str, Any]:
+        """What the single environment's reset says, of those that were reset; ``_target`` says which these are."""
+        mask = np.zeros(self.num_envs, np.bool_)
+        mask[which] = True
+        return {"target": np.where(mask[:, None], self._targets, 0.0), "_target": mask}
+
+    def _renew(self, which: NDArray[np.intp], targets: Floats | None = None) -> None:
         task, count = self._task, len(which)
         for k in which:
-            self._targets[k] = task.target(self.np_random)
+            generator = self._generators[k] or self.np_random
+            self._targets[k] = task.target(generator) if targets is None else targets[k]
         lengths = np.tile(task.start_lengths, (count, 1))
         self._states = self._fleet.reset(which.tolist(), lengths, np.tile(task.start_pressures, (count, 1)))
         self._steps[which] = 0

@@ -53,6 +53,10 @@ class ParameterWarning(UserWarning):
     """A parameter file is valid, but a value in it is physically implausible. The text says which and why."""
 
 
+class ReferenceWarning(UserWarning):
+    """A reference leaves what the arm can reach. The text says which part, and what is nearest."""
+
+
 class LogWarning(UserWarning):
     """A measured log is readable, but something about it deserves a look. The text says what."""
 

@@ -18,12 +18,15 @@ from numpy.typing import NDArray
 from bha import log_headings, names
 from bha.errors import LogError
 from bha.log_headings import PARENTHESES, named, shortened
-from bha.units import UnitError, doubt, factor_to_si, measures
+from bha.units import UnitError, doubt, factor_to_si, measures, proposal
 
 SKIP, NUMBER, TIME, FREE = "skip", "number", "time", "free"
 
 #: Most columns of a log, characters of a heading, and number of a section, bellows or input.
 MOST_COLUMNS, LONGEST_HEADING, GREATEST_NUMBER = 10_000, 200, 999
+
+#: Greatest size of a value in SI units, as in parameter files: differences, squares and cubes of such are finite.
+GREATEST_VALUE = 1e30
 
 _REFERENCE = re.compile(r"(?P<unit>.*\S)\s*\((?P<reference>[ga])\)")
 
@@ -144,6 +147,7 @@ def _column(origin: str, heading: str, ambient_pressure: float, missing: bool) -
     name, unit = named(heading)
     quantity = names.quantity(name)
     if quantity is None:
+        _refuse_bare_unit(origin, heading)
         _refuse_misspelt(origin, heading, name, unit)
         return Column(heading, name, unit or "", FREE, missing=True)
     where = f"{origin}: column '{heading}'"
@@ -202,11 +206,24 @@ def _refuse_misspelt(origin: str, heading: str, name: str, unit: str | None) -> 
     plain_unit = re.sub(r"\s*\([ga]\)$", "", unit) if unit else None
     # "T [K]" is a temperature and "Q11 [l/min]" a flow: with a unit of their own they are other quantities.
     if plain_unit and not measures(plain_unit, quantity.unit):
-        if not broken:
+        near = proposal(unit or "", quantity.unit)
+        if near is None and not broken:
             return
-        unit = quantity.unit
-    proposal = names.column(meant, unit or quantity.unit)
-    raise LogError(f"{origin}: column '{heading}' is not known; did you mean '{proposal}'? Rename it")
+        unit = near or quantity.unit
+    spelt = names.column(meant, unit or quantity.unit)
+    raise LogError(f"{origin}: column '{heading}' is not known; did you mean '{spelt}'? Rename it")
+
+
+def _refuse_bare_unit(origin: str, heading: str) -> None:
+    """An error for a heading whose unit stands without brackets, ``p11 kPa`` or ``q11_mm``."""
+    name, *rest = re.split(r"[\s_/]+", heading, maxsplit=1)
+    quantity = names.quantity(name)
+    if not rest or quantity is None or quantity.kind == "time":
+        return
+    unit = rest[0] if measures(rest[0], quantity.unit) else proposal(rest[0], quantity.unit)
+    if unit is not None:
+        spelt = names.column(name, unit)
+        raise LogError(f"{origin}: column '{heading}' is not known; did you mean '{spelt}'? Rename it")
 
 
 def check_values(origin: str, column: Column, values: NDArray[np.float64]) -> str | None:
@@ -250,13 +267,18 @@ def convert(origin: str, column: Column, values: NDArray[np.float64]) -> None:
     """Convert the values of a column from the unit of the file, in place.
 
     Raises:
-        LogError: a value becomes too great for a number.
+        LogError: a value of a quantity is too great to compute with; the text names the row.
     """
-    if column.factor != 1.0:
-        with np.errstate(over="ignore"):
+    with np.errstate(over="ignore"):
+        if column.factor != 1.0:
             np.multiply(values, column.factor, out=values)
-        if column.factor > 1.0 and (great := np.isinf(values)).any():
-            text = f"the value is too great to be given in {column.unit}; check the unit"
-            raise LogError(f"{origin}, row {int(np.argmax(great)) + 1}, column '{column.heading}': {text}")
-    if column.offset != 0.0:
-        np.add(values, column.offset, out=values)
+        if column.offset != 0.0:
+            np.add(values, column.offset, out=values)
+    if column.used == FREE:
+        return
+    # NaN, a missing sample, is neither least nor greatest here.
+    greatest = max(np.fmax.reduce(values), -np.fmin.reduce(values))
+    if greatest > GREATEST_VALUE:
+        row = int(np.argmax(np.abs(np.nan_to_num(values, posinf=np.inf)) > GREATEST_VALUE)) + 1
+        text = f"the value is too great to compute with, above {GREATEST_VALUE:g} {column.unit}; check the unit"
+        raise LogError(f"{origin}, row {row}, column '{column.heading}': {text}")

@@ -60,9 +60,11 @@ def refuse_other_layouts(origin: str, headings: Sequence[str], opening: Sequence
     cells = _cells(headings[0]) if len(headings) == 1 else list(headings)
     if any(map(_is_known, cells)):
         if len(cells) > len(headings):
-            separator = next(mark for mark in headings[0] if mark in ";\t")
-            found = f"the headings are separated by {separator!r}"
-            raise LogError(f"{origin}, line 1: {found}; expected commas, and points as decimal marks")
+            separator = next((mark for mark in headings[0] if mark in ";\t"), None)
+            text = f"the headings are separated by {separator!r}; expected commas, and points as decimal marks"
+            if separator is None:
+                text = "all headings stand in one pair of quotes, or a quote is not closed; remove it"
+            raise LogError(f"{origin}, line 1: {text}")
         return
     first = next((number for number, line in enumerate(opening, start=1) if line.strip()), 1)
     found = f"{origin}, line {first} is no line of headings: found '{shortened(','.join(headings))}'"

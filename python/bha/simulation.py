@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,11 +21,14 @@ from bha.trajectory_formats import ARRAYS, OPTIONAL_ARRAYS
 if TYPE_CHECKING:
     from bha.arm import Arm
 
-Method = Literal["dopri5", "rk4", "ros2"]
+Method = Literal["auto", "dopri5", "rodas4", "rk4", "ros2"]
 Interpolation = Literal["linear", "hold"]
 
 #: Rows between two reports of progress.
 CHUNK_ROWS = 20_000
+
+#: Longest distance of the rows that a simulation writes unasked, s: what shows the motion between sparse samples.
+ROW_DISTANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -37,12 +41,19 @@ class Input:
         forces: force at each section's centre of mass in the base frame, N, shape (m, n, 3), or None.
         commanded: whether the pressures are commands, which act through the arm's pneumatics; else they are those in
             the bellows and act as they are.
+        interpolation: what holds between two samples, the straight line (``"linear"``) or the earlier one (``"hold"``).
     """
 
     time: NDArray[np.float64]
     pressures: NDArray[np.float64]
     forces: NDArray[np.float64] | None = None
     commanded: bool = True
+    interpolation: Interpolation = "linear"
+
+    def __post_init__(self) -> None:
+        """Look at what holds between two samples; the core looks at the numbers."""
+        if self.interpolation not in get_args(Interpolation):
+            raise InputError(f'interpolation: {self.interpolation!r}; "linear" or "hold" are allowed')
 
     @property
     def force_rows(self) -> NDArray[np.float64] | None:
@@ -63,28 +74,37 @@ class Input:
 
 @dataclass(frozen=True)
 class Options:
-    """How to integrate.
+    """How to integrate. What is not allowed raises an :class:`InputError` when the options are made.
 
     Attributes:
-        method: ``"dopri5"``, adaptive Dormand-Prince 5(4) with dense output, or ``"rk4"``, fixed step, or ``"ros2"``,
-            linearly implicit with fixed step, for arms whose damping makes them stiff.
+        method: ``"auto"``, which is ``"rodas4"`` for arms whose damping makes them stiff, ``"dopri5"`` for others; or
+            one by name: ``"dopri5"``, adaptive Dormand-Prince 5(4); ``"rodas4"``, adaptive Rosenbrock 4(3), linearly
+            implicit; ``"rk4"``, fixed step; ``"ros2"``, linearly implicit with fixed step.
         step: longest step of ``rk4`` and ``ros2``, s; steps end on every output and on every jump of the input.
-        rtol: relative tolerance of ``dopri5``.
-        atol: absolute tolerance of ``dopri5``, m and m/s.
-        min_step: shortest step of ``dopri5``, s; needing a shorter one is an error.
-        max_step: longest step of ``dopri5``, s.
-        max_steps: most steps in all; None is no limit.
-        interpolation: what holds between two samples, the straight line or the earlier one.
+        rtol: relative tolerance of adaptive methods.
+        atol: absolute tolerance of adaptive methods, m and m/s; ``rodas4`` allows 100 times as much for rates.
+        min_step: shortest step of adaptive methods, s; needing a shorter one is an error.
+        max_step: longest step of adaptive methods, s.
+        max_steps: most steps in all, at least 1; None is no limit.
+        interpolation: what holds between two samples, in place of what the input says; as it says if None.
     """
 
-    method: Method = "dopri5"
+    method: Method = "auto"
     step: float = 1e-3
     rtol: float = 1e-6
     atol: float = 1e-8
     min_step: float = 1e-10
     max_step: float = float("inf")
     max_steps: int | None = None
-    interpolation: Interpolation = "linear"
+    interpolation: Interpolation | None = None
+
+    def __post_init__(self) -> None:
+        """Have the core look at all of them."""
+        limits = (self.step, self.rtol, self.atol, self.min_step, self.max_step)
+        try:
+            _core.check_options(self.method, *limits, self.max_steps, self.interpolation)
+        except (TypeError, OverflowError) as error:
+            raise InputError(f"options: {error}; see bha.Options for what is allowed") from None
 
 
 class Simulation:
@@ -115,7 +135,7 @@ class Simulation:
             drive.time,
             drive.pressures,
             drive.force_rows,
-            interpolation=options.interpolation,
+            interpolation=options.interpolation or drive.interpolation,
             method=options.method,
             step=options.step,
             rtol=options.rtol,
@@ -128,6 +148,11 @@ class Simulation:
             qd=qd0,
         )
         self._counts = (0, 0, 0)
+
+    @property
+    def method(self) -> str:
+        """The method in use, also where ``"auto"`` chose it."""
+        return self._core.method
 
     def advance(self, times: ArrayLike) -> Trajectory:
         """Go on to the last of ``times`` (ascending) and return a row at each.
@@ -164,25 +189,78 @@ class Simulation:
             yield chunk
 
 
-def output_times(drive: Input, dt: float | None, t_end: float | None = None) -> NDArray[np.float64]:
-    """Times of the output rows: the samples' own, or every ``dt`` s, from the first sample to ``t_end`` (the last).
+def output_times(
+    drive: Input, dt: float | None, t_end: float | None = None, *, row_bytes: int = 8
+) -> NDArray[np.float64]:
+    """Times of the output rows, from the first sample to ``t_end`` (the last).
+
+    Every ``dt`` s; if None at the samples, with as many rows between two that are far apart as make it 100 Hz.
+
+    Args:
+        drive: the input.
+        dt: distance of the rows, s, or None.
+        t_end: end, s, or None.
+        row_bytes: memory that a row will take.
 
     Raises:
-        InputError: ``dt`` or ``t_end`` is not allowed.
+        InputError: ``dt`` or ``t_end`` is not allowed, or the rows would not fit into memory.
     """
     time = floats(drive.time, "time", (None,))
     if len(time) == 0:
         raise InputError("the input has no samples; at least one is needed")
-    end = float(time[-1]) if t_end is None else float(t_end)
-    if not np.isfinite(end) or end < time[0]:
-        raise InputError(f"t_end: {end} s lies before the first sample at {time[0]} s")
+    if not np.isfinite(time).all():
+        raise InputError("the input's times are not all finite numbers")
+    start, end = float(time[0]), float(time[-1] if t_end is None else t_end)
+    if not np.isfinite(end):
+        raise InputError(f"t_end: {end}; a finite time is needed")
+    if end < start:
+        raise InputError(f"t_end: {end} s lies before the first sample at {start} s")
     if dt is None:
         kept = time[time <= end]
-        return kept if kept[-1] == end else np.append(kept, end)
+        kept = kept if kept[-1] == end else np.append(kept, end)
+        gaps = np.maximum(np.diff(kept), 0.0)
+        pieces = np.maximum(np.ceil(gaps / ROW_DISTANCE * (1.0 - 1e-6)), 1.0)
+        check_room(
+            float(pieces.sum()) + 1.0,
+            row_bytes,
+            "rows at 100 Hz; is the time in another unit than seconds? Else give dt or times.",
+        )
+        return _divided(kept, pieces.astype(np.int64))
     if not np.isfinite(dt) or dt <= 0:
         raise InputError(f"dt: {dt}; a positive number of seconds is needed")
-    count = int(np.floor((end - time[0]) / dt + 1e-9)) + 1
-    return np.asarray(time[0] + dt * np.arange(count), dtype=np.float64)
+    rows = (end - start) / dt + 1.0
+    check_room(rows, row_bytes, f"rows by dt = {dt:g} s; a longer one is needed.")
+    return np.asarray(start + dt * np.arange(int(np.floor(rows + 1e-9))), dtype=np.float64)
+
+
+def _divided(time: NDArray[np.float64], pieces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """``time`` with the way from each to the next one in so many equal ``pieces``."""
+    if len(time) == 1 or pieces.max() == 1:
+        return time
+    first = np.repeat(np.arange(len(pieces)), pieces)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    rows = time[first] + (time[first + 1] - time[first]) * (within / pieces[first])
+    return np.append(rows, time[-1])
+
+
+def check_room(count: float, size: int, what: str) -> None:
+    """Refuse ``count`` pieces of ``size`` bytes that would fill more than half of this computer's memory.
+
+    Raises:
+        InputError: there are more of them than fit.
+    """
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # a system that does not say
+        memory = 8 << 30
+    most = memory // 2 // size
+    if not count <= most:
+        raise InputError(f"{count:.3g} {what} At most {most:.3g} of them fit into half of this computer's memory")
+
+
+def row_size(arm: Arm) -> int:
+    """Bytes that a row of a trajectory takes in memory, with what is computed on the way."""
+    return 2 * 8 * (1 + 12 * arm.section_count + len(arm.inputs))
 
 
 def simulate(
@@ -191,6 +269,7 @@ def simulate(
     *,
     t_end: float | None = None,
     dt: float | None = None,
+    times: ArrayLike | None = None,
     q0: ArrayLike | None = None,
     qd0: ArrayLike | None = None,
     pressures: PressureSort | None = None,
@@ -207,14 +286,16 @@ def simulate(
             or a function of time that returns the pressures (inputs,), Pa absolute; a function is sampled every ``dt``
             (1 ms) beforehand.
         t_end: end, s; the last sample if None (needed for a function).
-        dt: distance of the output rows, s; the samples' own times if None.
+        dt: distance of the output rows, s. If None there is a row at each sample, and as many between samples further
+            apart as make it 100 Hz.
+        times: times of the output rows, s, ascending, in place of ``dt`` and ``t_end``; not before the first sample.
         q0: initial lengths (3n,), m; at rest under the first pressures if None.
         qd0: initial rates (3n,), m/s; zero if None.
         pressures: which pressures of a log drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
             where it has them.
         options: how to integrate; ``method`` and ``step`` override it.
-        method: ``"dopri5"``, ``"rk4"`` or ``"ros2"``.
-        step: step of ``rk4``, s.
+        method: ``"auto"``, ``"dopri5"``, ``"rodas4"``, ``"rk4"`` or ``"ros2"``, see :class:`Options`.
+        step: longest step of ``rk4`` and ``ros2``, s.
         progress: called with the fraction done.
 
     Returns:
@@ -230,19 +311,45 @@ def simulate(
     changes = {key: value for key, value in (("method", method), ("step", step)) if value is not None}
     if changes:
         options = Options(**{**options.__dict__, **changes})
-    source = as_input(arm, drive, t_end=t_end, dt=dt, pressures=pressures)
-    times = output_times(source, dt, t_end)
+    if times is None:
+        source = as_input(arm, drive, t_end=t_end, dt=dt, pressures=pressures)
+        rows = output_times(source, dt, t_end, row_bytes=row_size(arm))
+    else:
+        if dt is not None or t_end is not None:
+            raise InputError("times: give them without dt and t_end, which they stand for")
+        rows = given_times(times)
+        source = as_input(arm, drive, t_end=float(rows[-1]) if len(rows) else None, pressures=pressures)
     run = Simulation(arm, source, options, q0=q0, qd0=qd0)
     pieces: list[Trajectory] = []
     try:
-        for piece in run.run(times):
+        for piece in run.run(rows):
             pieces.append(piece)
             if progress is not None:
-                progress(sum(map(len, pieces)) / len(times))
+                progress(sum(map(len, pieces)) / len(rows))
     except SimulationError as error:
         error.trajectory = concatenate(pieces)
         raise
     return concatenate(pieces)
+
+
+def given_times(times: ArrayLike) -> NDArray[np.float64]:
+    """Times of rows that a caller gave, s, shape (rows,), ascending.
+
+    Raises:
+        InputError: another shape, no row, a time that is not finite, times that do not ascend.
+    """
+    try:
+        rows = np.array(times, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"times: numbers of seconds are needed; {error}") from None
+    if rows.ndim != 1 or len(rows) == 0:
+        raise InputError(f"times: shape {rows.shape}; one row at least and one dimension are needed")
+    if not np.isfinite(rows).all():
+        raise InputError(f"times: element {int(np.argmin(np.isfinite(rows)))} is not a finite number")
+    if (np.diff(rows) < 0).any():
+        k = int(np.argmax(np.diff(rows) < 0)) + 1
+        raise InputError(f"times: they must ascend; element {k} is {rows[k]} s after {rows[k - 1]} s")
+    return rows
 
 
 def as_input(
@@ -268,7 +375,11 @@ def as_input(
     if callable(drive):
         if t_end is None:
             raise InputError("t_end: an end time is needed where the pressures are a function of time")
-        time = np.arange(int(np.ceil(t_end / (dt or 1e-3))) + 1, dtype=np.float64) * (dt or 1e-3)
+        step = 1e-3 if dt is None else float(dt)
+        if not (np.isfinite(t_end) and t_end >= 0 and np.isfinite(step) and step > 0):
+            raise InputError(f"t_end: {t_end}, dt: {dt}; finite numbers of seconds, dt above 0, are needed")
+        check_room(t_end / step, 64 * max(1, len(arm.inputs)), "samples of a function; a longer dt is needed.")
+        time = np.arange(int(np.ceil(t_end / step)) + 1, dtype=np.float64) * step
         rows: Sequence[NDArray[np.float64]] = [floats(drive(float(t)), f"drive({t})", (len(arm.inputs),)) for t in time]
         return Input(time, np.vstack(rows))
     raise InputError(f"drive: {type(drive).__name__}; an Input, a Log, a Recording or a function of time is needed")

@@ -82,15 +82,20 @@ def doubt(unit: str, si: str) -> str | None:
 
 
 def _did_you_mean(unit: str, si: str, *, guess: bool) -> str:
-    proposal = _proposal(unit, si, guess) if len(unit) <= _LONGEST else None
-    return f"; did you mean '{proposal}'?" if proposal else ""
+    meant = proposal(unit, si, guess=guess)
+    return f"; did you mean '{meant}'?" if meant else ""
 
 
-def _proposal(unit: str, si: str, guess: bool) -> str | None:
-    """The usual unit that is spelt like this but for case, blanks and the way a reference is written.
+def proposal(unit: str, si: str, *, guess: bool = False) -> str | None:
+    """The usual unit that is spelt like this but for case, blanks and the way a reference is written; None if none is.
 
     ``guess`` allows one that is only similar.
+
+    >>> proposal("PSIG", "Pa")
+    'psi(g)'
     """
+    if len(unit) > _LONGEST:
+        return None
     usual = {name.lower(): name for name in _USUAL.get(si, ())}
     plain = unit.strip().lower()
     if plain in usual:

@@ -10,9 +10,10 @@ use crate::dynamics::statics::static_lengths_until;
 use crate::effects::{self, poses};
 use crate::error::{Error, Result};
 use crate::input::{Input, Interpolation};
-use crate::integrate::{Integrator, Method, Options};
+use crate::integrate::{Integrator, Options};
 use crate::kinematics::chain::{Motion, pass};
-use crate::plant::Plant;
+use crate::plant::{Memory, Plant};
+use crate::stepping::{Plan, Stepping};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -32,13 +33,19 @@ pub struct Stepper {
 }
 
 impl Stepper {
-    /// The plant of `arm`, at rest under ambient pressure until [`Stepper::reset`]; RK4 with steps of at most `step` s.
+    /// The plant of `arm`, at rest under ambient pressure until [`Stepper::reset`], stepped as `plan` says.
     ///
     /// # Errors
     /// [`Error::Input`] for a step that is not positive, [`Error::Convergence`] if there is no rest.
-    pub fn new(arm: Arc<Arm>, step: f64) -> Result<Self> {
+    pub fn new(arm: Arc<Arm>, Plan { stepping, step }: Plan) -> Result<Self> {
         if !(step.is_finite() && step > 0.0) {
             return Err(Error::Input(format!("step: {step}; a positive number of seconds is needed")));
+        }
+        if stepping == Stepping::SymplecticEuler {
+            return Err(Error::Input(format!(
+                "method: {:?} is for environments; \"rk4\" or \"ros2\" are allowed here",
+                stepping.name()
+            )));
         }
         let p = vec![arm.ambient_pressure; arm.inputs];
         let none = Input::new(vec![0.0], (p.clone(), arm.inputs), (Vec::new(), 0), Interpolation::Hold)?;
@@ -47,9 +54,11 @@ impl Stepper {
         x.resize(2 * q.len(), 0.0);
         let none = Arc::new(none);
         let plant = Plant::new(arm.clone(), none.clone()).with_pneumatics(0.0, &q);
-        let options = plant.suited(Options { method: Method::Rk4, step, ..Options::default() });
+        let options = plant.suited(Options { method: stepping.method(), step, ..Options::default() });
         let integrator = Integrator::new(options, 0.0, &x);
-        Ok(Self { arm, none, plant, integrator, options, pressures: p, lengths: q })
+        let mut stepper = Self { arm, none, plant, integrator, options, pressures: p.clone(), lengths: q.clone() };
+        stepper.reset(Some(&q), None, &p, &mut || false)?;
+        Ok(stepper)
     }
 
     /// Time 0, lengths `q` (at rest under `p` if none), rates `qd` (zero if none), pressures `p` in all chambers.
@@ -87,6 +96,61 @@ impl Stepper {
         self.plant.begin(0.0, &x);
         self.pressures.copy_from_slice(p);
         self.plant.measured_lengths_into(0.0, &x, &mut self.lengths);
+        Ok(())
+    }
+
+    /// Everything that decides what comes next, as a row of numbers; for [`Stepper::set_state`] of the same arm.
+    pub fn state(&self) -> Vec<f64> {
+        let memory = self.plant.memory();
+        let mut out = vec![self.integrator.time()];
+        let pieces = [self.integrator.state(), &self.pressures, &self.lengths, &memory.numbers];
+        pieces.iter().for_each(|piece| out.extend_from_slice(piece));
+        for (times, rows) in [(&memory.inputs, &memory.pressures), (&memory.sensors, &memory.states)] {
+            out.push(times.len() as f64);
+            out.extend_from_slice(times);
+            out.extend_from_slice(rows);
+        }
+        out
+    }
+
+    /// Goes on from what [`Stepper::state`] gave.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for numbers that are not those of this arm.
+    pub fn set_state(&mut self, numbers: &[f64]) -> Result<()> {
+        let (m, inputs) = (self.arm.coordinates(), self.arm.inputs);
+        let misfit = || Error::Input("state: it does not fit this arm; take one that this arm gave".to_owned());
+        if numbers.iter().any(|x| !x.is_finite()) {
+            return Err(Error::Input("state: finite numbers are needed".to_owned()));
+        }
+        let mut rest = numbers;
+        let mut take = |count: usize| -> Result<&[f64]> {
+            let (piece, after) = rest.split_at_checked(count).ok_or_else(misfit)?;
+            rest = after;
+            Ok(piece)
+        };
+        let time = take(1)?[0];
+        let (x, p, lengths) = (take(2 * m)?, take(inputs)?, take(m)?);
+        let fixed = self.plant.memory().numbers.len();
+        let mut memory = Memory { numbers: take(fixed)?.to_vec(), ..Memory::default() };
+        for (times, rows, width) in
+            [(&mut memory.inputs, &mut memory.pressures, inputs), (&mut memory.sensors, &mut memory.states, 2 * m)]
+        {
+            let count = take(1)?[0] as usize;
+            *times = take(count)?.to_vec();
+            *rows = take(count.checked_mul(width).ok_or_else(misfit)?)?.to_vec();
+        }
+        if !rest.is_empty() {
+            return Err(misfit());
+        }
+        let (q, qd) = x.split_at(m);
+        let mut next = self.clone();
+        next.reset(Some(q), Some(qd), p, &mut || false)?;
+        next.integrator.set_time(time);
+        next.plant.resume(time, &memory)?;
+        next.pressures.copy_from_slice(p);
+        next.lengths.copy_from_slice(lengths);
+        *self = next;
         Ok(())
     }
 
@@ -160,7 +224,7 @@ pub fn rest_near(
 }
 
 /// Lengths at rest under chamber pressures `p`.
-fn rest(arm: &Arm, p: &[f64], start: Option<&[f64]>, stop: &mut impl FnMut() -> bool) -> Result<Vec<f64>> {
+pub(crate) fn rest(arm: &Arm, p: &[f64], start: Option<&[f64]>, stop: &mut impl FnMut() -> bool) -> Result<Vec<f64>> {
     let mut acting = p.to_vec();
     effects::pressures::at_rest(arm, &mut acting);
     static_lengths_until(arm, &acting, None, start, stop)

@@ -67,6 +67,16 @@ impl<T: Real> Drives<T> {
         self.each.iter().map(|d| d.input.next_jump(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
     }
 
+    /// The first sample after `t` of any of them, where they bend.
+    pub fn next_bend(&mut self, t: f64) -> f64 {
+        self.each.iter_mut().map(|d| d.next_sample(t)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The first one's caller's clock minus the plant's, s.
+    pub fn callers_clock(&self) -> f64 {
+        self.each[0].offset + self.each[0].input.origin()
+    }
+
     /// The pressures at `t`; `before`: the limit from the left.
     #[inline(always)]
     pub fn pressures(&mut self, t: f64, before: bool, out: &mut [T]) {

@@ -49,5 +49,15 @@ pub enum Error {
     Convergence(String),
 }
 
+impl Error {
+    /// The same with its time on a clock that is `ahead` s ahead.
+    pub fn on_clock(self, ahead: f64) -> Self {
+        match self {
+            Self::Simulation { time, reason } => Self::Simulation { time: time + ahead, reason },
+            other => other,
+        }
+    }
+}
+
 /// Results of the core.
 pub type Result<T> = std::result::Result<T, Error>;

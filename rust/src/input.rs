@@ -25,8 +25,13 @@ impl Interpolation {
 
 /// Samples of all channels at common, irregular times; before the first and after the last sample that one holds.
 /// Two samples at the same time are a jump.
+///
+/// Its clock starts at 0 with the first sample, whatever the caller's says then ([`Input::origin`]): seconds since 1970 leave
+/// few digits for steps, milliseconds none.
 #[derive(Clone, Debug)]
 pub struct Input {
+    /// The caller's time of the first sample, s.
+    origin: f64,
     times: Vec<f64>,
     /// Row by row: pressures, Pa absolute.
     pressures: Vec<f64>,
@@ -50,7 +55,7 @@ impl Input {
     /// # Errors
     /// [`Error::Input`] for sizes that do not fit, times that run backwards, values that are not finite.
     pub fn new(
-        times: Vec<f64>,
+        mut times: Vec<f64>,
         (pressures, pressure_count): (Vec<f64>, usize),
         (forces, force_count): (Vec<f64>, usize),
         interpolation: Interpolation,
@@ -80,8 +85,17 @@ impl Input {
             let (a, b) = (times[k], times[k + 1]);
             return Err(Error::Input(format!("input time runs backwards from {a} to {b} s at sample {}", k + 1)));
         }
-        let mut input =
-            Self { times, pressures, pressure_count, forces, force_count, interpolation, jumps: Vec::new() };
+        if let Some(k) = pressures.iter().position(|p| *p < 0.0) {
+            let (row, column, value) = (k / pressure_count, k % pressure_count, pressures[k]);
+            return Err(Error::Input(format!(
+                "input pressures: sample {row}, channel {column} is {value} Pa, below zero; absolute pressures are needed: is it \
+                 a gauge pressure, to which the ambient one has to be added?"
+            )));
+        }
+        let origin = times[0];
+        times.iter_mut().for_each(|t| *t -= origin);
+        let jumps = Vec::new();
+        let mut input = Self { origin, times, pressures, pressure_count, forces, force_count, interpolation, jumps };
         input.jumps = input.find_jumps();
         Ok(input)
     }
@@ -106,14 +120,9 @@ impl Input {
         &self.jumps
     }
 
-    /// First sample time.
-    pub fn start(&self) -> f64 {
-        self.times[0]
-    }
-
-    /// Last sample time.
-    pub fn end(&self) -> f64 {
-        self.times[self.times.len() - 1]
+    /// What the caller's clock says at the first sample, where this one says 0, s.
+    pub fn origin(&self) -> f64 {
+        self.origin
     }
 
     /// The last sample at or before `t` (`before`: strictly before, the limit from the left).

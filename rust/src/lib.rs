@@ -50,6 +50,8 @@ mod python;
 pub mod real;
 pub mod sensitivity;
 pub mod simulate;
+pub mod stepping;
+pub mod stiffness;
 pub mod table;
 pub mod virtual_arm;
 

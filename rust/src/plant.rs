@@ -8,6 +8,7 @@ use crate::effects::poses;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
+use crate::error::{Error, Result};
 use crate::input::Input;
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
@@ -15,6 +16,7 @@ use crate::kinematics::chain::Link;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::kinematics::section::Pose;
 use crate::linear::Vec3;
+use crate::parameters::PneumaticsLevel;
 use crate::pneumatics::{Chambers, LONGEST_STEP};
 use crate::real::{Real, kernel};
 use std::sync::Arc;
@@ -49,6 +51,27 @@ pub struct Plant<T = f64> {
     begun: bool,
 }
 
+/// What a plant remembers from step to step beside the state of the arm, see [`Plant::memory`].
+#[derive(Clone, Debug)]
+pub struct Memory<T> {
+    /// Hidden states of effects, chambers and stages between pressures, one after the other.
+    pub numbers: Vec<T>,
+    /// Times, s, and rows of the pressures that effects have yet to see.
+    pub inputs: Vec<f64>,
+    /// Those rows, one after the other.
+    pub pressures: Vec<T>,
+    /// Times, s, of the states that delayed sensors have yet to see.
+    pub sensors: Vec<f64>,
+    /// Those states, one after the other.
+    pub states: Vec<T>,
+}
+
+impl<T> Default for Memory<T> {
+    fn default() -> Self {
+        Self { numbers: Vec::new(), inputs: Vec::new(), pressures: Vec::new(), sensors: Vec::new(), states: Vec::new() }
+    }
+}
+
 impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
@@ -59,7 +82,8 @@ impl<T: Real> Plant<T> {
     /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none.
     pub fn abreast(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let drives = Drives::new(inputs);
-        let (ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
+        let (mut ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
+        ws.effects.clock = drives.callers_clock();
         Self {
             arm,
             drives,
@@ -97,11 +121,18 @@ impl<T: Real> Plant<T> {
 
     /// `options` with steps no longer than the pneumatics allow.
     pub fn suited(&self, options: Options) -> Options {
-        if !self.has_pneumatics() {
+        // A lag is exact over any step along which its command is a line; adaptive methods' steps end where one ends.
+        let exact = options.method.is_adaptive() && self.is_lagged();
+        if !self.has_pneumatics() || exact {
             return options;
         }
         let (step, max_step) = (options.step.min(LONGEST_STEP), options.max_step.min(LONGEST_STEP));
         Options { step, max_step, ..options }
+    }
+
+    /// Whether the pneumatics are a lag.
+    fn is_lagged(&self) -> bool {
+        self.arm.pneumatics.as_ref().is_some_and(|p| p.level == PneumaticsLevel::Lag)
     }
 
     /// Commands `p` from now on, in place of the inputs' pressures.
@@ -219,6 +250,69 @@ impl<T: Real> Plant<T> {
         for hidden in self.ws.effects.hidden_mut() {
             *hidden = T::from_lanes(|k| if which(k) { 0.0 } else { hidden.lane(k) });
         }
+        if let Some(sensors) = &mut self.sensors {
+            sensors.restart(which, x);
+        }
+    }
+
+    /// Calls `elapsed` s after the clock's present zero its new one. For plants without effects on pressures.
+    pub fn rewind(&mut self, elapsed: f64) {
+        if let Some(sensors) = &mut self.sensors {
+            sensors.rewind(elapsed);
+        }
+    }
+
+    /// All that the plant remembers from step to step beside the state of the arm.
+    pub fn memory(&self) -> Memory<T> {
+        let mut memory = Memory { numbers: self.ws.effects.hidden().to_vec(), ..Memory::default() };
+        if let Some(chambers) = &self.chambers {
+            chambers.save(&mut memory.numbers);
+        }
+        if let Some(chain) = &self.chain {
+            memory.numbers.extend_from_slice(chain.committed());
+        }
+        if let Some(history) = &self.history {
+            let (times, rows) = history.committed();
+            (memory.inputs, memory.pressures) = (times.to_vec(), rows.to_vec());
+        }
+        if let Some(sensors) = &self.sensors {
+            (memory.sensors, memory.states) = sensors.remembered();
+        }
+        memory
+    }
+
+    /// Goes on at `t` from what [`Plant::memory`] gave of a plant of the same arm; this one has begun ([`Plant::begin`]).
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the sizes do not fit.
+    pub fn resume(&mut self, t: f64, memory: &Memory<T>) -> Result<()> {
+        let own = self.memory();
+        let rows = |times: &[f64], rows: &[T], own: (&[f64], &[T])| {
+            let width = own.1.len().checked_div(own.0.len()).unwrap_or(0);
+            times.is_empty() == own.0.is_empty() && rows.len() == width * times.len()
+        };
+        if memory.numbers.len() != own.numbers.len()
+            || !rows(&memory.inputs, &memory.pressures, (&own.inputs, &own.pressures))
+            || !rows(&memory.sensors, &memory.states, (&own.sensors, &own.states))
+        {
+            return Err(Error::Input("state: it does not fit this arm; take one that this arm gave".to_owned()));
+        }
+        self.read.0 = f64::NAN;
+        let (hidden, mut rest) = memory.numbers.split_at(self.ws.effects.hidden().len());
+        self.ws.effects.hidden_mut().copy_from_slice(hidden);
+        if let Some(chambers) = &mut self.chambers {
+            rest = &rest[chambers.load(rest)..];
+        }
+        if let Some(chain) = &mut self.chain {
+            chain.resume(t, rest);
+        }
+        if let Some(history) = &mut self.history {
+            history.resume(&memory.inputs, &memory.pressures);
+        }
+        if let Some(sensors) = &mut self.sensors {
+            sensors.resume(&memory.sensors, &memory.states, own.states.len() / own.sensors.len());
+        }
+        Ok(())
     }
 
     /// Takes the chambers over the step from (`t0`, `x0`) to `t1`.
@@ -275,11 +369,24 @@ impl<T: Real> System<T> for Plant<T> {
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        let jump = self.drives.next_jump(t);
+        let mut jump = self.drives.next_jump(t);
+        if self.chambers.is_some() && self.held.is_none() && self.is_lagged() {
+            jump = jump.min(self.drives.next_bend(t));
+        }
         match (&self.chain, &self.history) {
             (Some(chain), None) => jump.min(chain.next_jump(&self.drives, t)),
             _ => jump,
         }
+    }
+
+    /// Where samples of the input lie: what pneumatics and effects make of them bends little elsewhere.
+    fn next_bend(&mut self, t: f64) -> f64 {
+        if self.held.is_some() { f64::INFINITY } else { self.drives.next_bend(t) }
+    }
+
+    #[inline(always)]
+    fn is_second_order(&self) -> bool {
+        true
     }
 
     #[inline(always)]

@@ -13,6 +13,7 @@ use crate::input::Input;
 use crate::integrate::{Integrator, Options};
 use crate::plant::Plant;
 use crate::real::Dual;
+use crate::stiffness::chosen;
 use crate::watch::watched;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -74,8 +75,12 @@ impl Trajectory<'_> {
         let directions = if directions.is_empty() { &none[..0] } else { directions };
         let chunks: Vec<_> = if directions.is_empty() { vec![directions] } else { directions.chunks(WIDTH).collect() };
         let stop = AtomicBool::new(false);
+        // Chosen once, so that all directions are of one trajectory.
+        let arm = Arc::new(self.arm.clone());
+        let options = chosen(self.options, &arm, self.input, self.start - self.input.origin(), self.state);
+        let trajectory = &Self { options, ..*self };
         let work = || {
-            let part = |chunk| Part { trajectory: self, directions: chunk, stop: &stop };
+            let part = |chunk| Part { trajectory, directions: chunk, stop: &stop };
             chunks.into_par_iter().map(|c| part(c).run()).collect::<Result<Vec<_>>>()
         };
         let parts = watched(&stop, work, watch)?;
@@ -98,6 +103,9 @@ struct Part<'a> {
 impl Part<'_> {
     fn run(&self) -> Result<(Vec<f64>, Vec<f64>)> {
         let Trajectory { arm, input, options, start, state, times, .. } = *self.trajectory;
+        let origin = input.origin();
+        let start = start - origin;
+        let times: Vec<f64> = times.iter().map(|t| t - origin).collect();
         let zeros;
         let lifted = if self.directions.iter().any(|d| !d.tangent.is_empty()) {
             let count = self.directions.iter().map(|d| d.tangent.len()).max().unwrap_or(0);
@@ -130,7 +138,9 @@ impl Part<'_> {
             }
             row += 1;
         };
-        integrator.run(&mut plant, times, &mut sink, &mut || self.stop.load(Ordering::Relaxed))?;
+        integrator
+            .run(&mut plant, &times, &mut sink, &mut || self.stop.load(Ordering::Relaxed))
+            .map_err(|e| e.on_clock(origin))?;
         Ok((values, derivatives))
     }
 }

@@ -6,9 +6,10 @@ use crate::dynamics::statics::static_lengths;
 use crate::effects;
 use crate::error::{Error, Result};
 use crate::input::{Cursor, Input};
-use crate::integrate::{Integrator, Options, Statistics};
+use crate::integrate::{Integrator, Method, Options, Statistics};
 use crate::linear::Vec3;
 use crate::plant::Plant;
+use crate::stiffness::{chosen, explained};
 use std::sync::Arc;
 
 /// A simulation under way; [`Simulation::advance`] may be called again and again.
@@ -17,6 +18,9 @@ pub struct Simulation {
     plant: Plant,
     input: Arc<Input>,
     integrator: Integrator<f64>,
+    options: Options,
+    /// Time (on the input's clock) and state that it began with.
+    start: (f64, Vec<f64>),
     ws: Workspace,
     cursor: Cursor,
 }
@@ -57,20 +61,45 @@ impl Simulation {
         q: Option<&[f64]>,
         qd: Option<&[f64]>,
     ) -> Result<Self> {
+        let start = start - input.origin();
         let x = initial_state(&arm, &input, start, q, qd)?;
         let ws = Workspace::new(&arm);
         let (n, cursor) = (arm.coordinates(), Cursor::default());
+        let options = chosen(options, &arm, &input, start, &x);
         let mut plant = Plant::new(arm, input.clone()).with_pneumatics(start, &x[..n]);
         let options = plant.suited(options);
         plant.begin(start, &x);
-        Ok(Self { integrator: Integrator::new(options, start, &x), plant, input, ws, cursor })
+        let integrator = Integrator::new(options, start, &x);
+        Ok(Self { integrator, plant, input, options, start: (start, x), ws, cursor })
     }
 
-    /// Goes on to the last of `times` (ascending, not before the present time) and returns a row at each.
+    /// Notes where steps end, for [`Simulation::noted`].
+    pub fn noting(self) -> Self {
+        Self { integrator: self.integrator.noting(), ..self }
+    }
+
+    /// Takes the steps of another simulation, which ended at `ends` (on the input's clock).
+    pub fn following(self, ends: Arc<Vec<f64>>) -> Self {
+        Self { integrator: self.integrator.following(ends), ..self }
+    }
+
+    /// The ends of the steps, if they were noted, on the input's clock.
+    pub fn noted(self) -> Vec<f64> {
+        self.integrator.noted()
+    }
+
+    /// The method in use.
+    pub fn method(&self) -> Method {
+        self.options.method
+    }
+
+    /// Goes on to the last of `times` (on the caller's clock, ascending, not before the present time) and returns a row at
+    /// each.
     ///
     /// The rows computed before a failure are returned beside the error. `stop` is asked now and then.
     pub fn advance(&mut self, times: &[f64], stop: &mut impl FnMut() -> bool) -> (Rows, Result<()>) {
-        let Self { plant, input, integrator, ws, cursor } = self;
+        let Self { plant, input, integrator, ws, cursor, options, start } = self;
+        let origin = input.origin();
         let arm = plant.arm.clone();
         let n = arm.coordinates();
         let commanded = !plant.has_pneumatics();
@@ -85,6 +114,7 @@ impl Simulation {
         let mut last = vec![0.0; 2 * n];
         let mut result = Ok(());
         for time in times {
+            let time = *time - origin;
             let mut sink = |t: f64, x: &[f64]| {
                 rows.lengths.extend_from_slice(&x[..n]);
                 rows.velocities.extend_from_slice(&x[n..2 * n]);
@@ -99,17 +129,17 @@ impl Simulation {
                 rows.count += 1;
                 last.copy_from_slice(x);
             };
-            result = integrator.run(plant, std::slice::from_ref(time), &mut sink, stop);
+            result = integrator.run(plant, &[time], &mut sink, stop);
             if result.is_err() {
                 break;
             }
             if plant.has_sensors() {
                 let start = rows.measured_lengths.len();
                 rows.measured_lengths.resize(start + n, 0.0);
-                plant.measured_lengths_into(*time, &last, &mut rows.measured_lengths[start..]);
+                plant.measured_lengths_into(time, &last, &mut rows.measured_lengths[start..]);
             }
             if plant.delays_heads() {
-                plant.measured_heads(*time, &last, &mut ws.links, |_, head| {
+                plant.measured_heads(time, &last, &mut ws.links, |_, head| {
                     rows.measured_head_positions.extend(head.position.0);
                     rows.measured_head_orientations.extend(head.quaternion());
                 });
@@ -118,7 +148,8 @@ impl Simulation {
         if !commanded {
             rows.pressures = std::mem::take(&mut plant.chamber_pressures);
         }
-        (rows, result)
+        let explain = |e: Error| explained(e, *options, &arm, input, start.0, &start.1).on_clock(origin);
+        (rows, result.map_err(explain))
     }
 
     /// Counts so far.
@@ -126,18 +157,23 @@ impl Simulation {
         self.integrator.statistics()
     }
 
+    /// Whether no output can be given any more at `t`.
+    pub fn is_past(&self, t: f64) -> bool {
+        t - self.input.origin() < self.integrator.earliest()
+    }
+
     /// The earliest time at which output can still be given, s: the start of the last step.
     pub fn earliest(&self) -> f64 {
-        self.integrator.earliest()
+        self.integrator.earliest() + self.input.origin()
     }
 
     /// End of the last step, s.
     pub fn time(&self) -> f64 {
-        self.integrator.time()
+        self.integrator.time() + self.input.origin()
     }
 }
 
-/// Lengths and rates at `start`: as given, else at rest under the pressures and forces of that time.
+/// Lengths and rates at `start` (on the input's clock): as given, else at rest under the pressures and forces of that time.
 ///
 /// # Errors
 /// [`Error::Input`] for sizes that do not fit, [`Error::Convergence`] if there is no rest to start from.

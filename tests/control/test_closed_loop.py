@@ -327,6 +327,16 @@ def test_core_controller_says_what_is_wrong_with_it() -> None:
         _core.Controller(ARM, json.dumps({"period": 1e-3, "low": 1}))
     with pytest.raises(InputError, match="period is 0"):
         FeedbackLinearization(ARM).build(0.0)
+    for observer in (
+        lambda: KalmanFilter(ARM),  # type: ignore[arg-type]
+        lambda: KalmanFilter(length_noise=float("nan")),
+        lambda: KalmanFilter(renewal=-1),
+        lambda: FilteredDifference(cutoff=-1.0),
+    ):
+        with pytest.raises(InputError, match=r"(KalmanFilter|FilteredDifference): (length_noise|renewal|cutoff) is "):
+            observer()
+    with pytest.raises(InputError, match="StaticModel: all gains and times must be finite numbers"):
+        StaticModel(ARM, integral=float("nan")).build(1e-3)
     two = bha.robots.load("asu_two_section")
     with pytest.raises(InputError, match="made for 9 lengths"):
         simulate_closed_loop(two, FeedbackLinearization(ARM), hold(np.full(6, 0.09), 0.1))

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from stiff_arm import stiff_arm
 
 import bha
 from bha.cli import main
-from bha.control import Pid, Reference, hold, simulate_closed_loop, tip_samples
+from bha.control import GravityPd, Pid, Reference, StaticModel, hold, point_to_point, simulate_closed_loop, tip_samples
 from bha.errors import InputError
 
 ARM = bha.robots.load("bha_nominal")
@@ -57,17 +58,113 @@ def test_a_plant_that_diverges_is_reported(tmp_path: Path) -> None:
     assert "pid: the plant diverged: the simulation stopped at t = " in control("bha_nominal", *options).output
 
 
+def write(arm: bha.Arm, path: Path) -> Path:
+    path.write_text(arm.parameters.to_toml(), encoding="utf-8")
+    return path
+
+
+def test_one_that_fails_does_not_end_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither where it comes apart on the way nor where it cannot be made."""
+    from bha.control import cli  # noqa: PLC0415
+
+    def unmade(arm: bha.Arm) -> GravityPd:
+        raise bha.errors.ConvergenceError("no rest near the middle of the lengths")
+
+    wild = lambda arm: GravityPd(arm, proportional=1e150, integral=1e200, derivative=1e150)  # noqa: E731
+    monkeypatch.setitem(cli.CONTROLLERS, "gravity_pd", wild)
+    monkeypatch.setitem(cli.CONTROLLERS, "lqr", unmade)
+    options = ["--reference", "move", "--period", "0.004"]
+    for name in ("gravity_pd", "lqr", "full"):
+        options += ["--controller", name]
+    result = control("bha_nominal", *options, "--json")
+    assert result.exit_code == 1
+    found = json.loads(result.output)["runs"]
+    assert found["full"]["tip_error_rms"] < 1e-3
+    assert "no longer finite" in found["gravity_pd"]["failed"]
+    assert found["lqr"]["failed"] == "no rest near the middle of the lengths"
+    shown = control("bha_nominal", *options)
+    assert shown.exit_code == 1
+    assert "gravity_pd: failed: at t = " in shown.output
+    assert "lqr: failed: no rest near the middle of the lengths" in shown.output
+    assert "full" in shown.output
+
+
+def test_a_stiff_arm_by_default_settings(tmp_path: Path) -> None:
+    arm = stiff_arm()
+    path = write(arm, tmp_path / "stiff.toml")
+    ends = [arm.static_lengths(np.full(6, p)) for p in (1.3e5, 1.4e5)]
+    names = [f"q{i}{k} [m]" for i in (1, 2) for k in (1, 2, 3)]
+    log = csv(tmp_path / "q.csv", {"t [s]": np.array([0.0, 4.0]), **dict(zip(names, np.transpose(ends), strict=True))})
+    options = ["--reference", log, "--period", "0.01", "--length-noise", "0", "--pressure-noise", "0"]
+    result = control(path, *options, "--json")
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.output)
+    assert found["out_of_reach"] is None
+    assert found["too_fast"] is None
+    assert len(found["runs"]) == 6
+    far = np.linalg.norm(np.subtract(*(arm.forward_kinematics(q)[0][-1] for q in ends)))
+    assert far > 5e-3
+    assert found["runs"]["full"]["tip_error_max"] < 0.05 * far
+    assert found["runs"]["gravity_pd"]["tip_error_max"] < 0.5 * far
+
+
+def test_what_is_out_of_reach_is_said(tmp_path: Path) -> None:
+    """An arm that bends in a plane, on a circle."""
+    pytest.importorskip("matplotlib")
+    options = ["--controller", "static", "--radius", "0.02", "--speed", "0.2", "--period", "0.005"]
+    shown = control("asu_two_section_january", *options)
+    assert shown.exit_code == 0
+    assert "warning: " in shown.output
+    assert "of the reference is out of reach of asu_two_section_january" in shown.output
+    assert "the nearest that pressures within pressure_range hold" in shown.output
+    found = json.loads(control("asu_two_section_january", *options, "--json").output)
+    assert 0.3 < found["reachable"] < 0.8
+    assert found["farthest_at_rest"] > 0.01
+    assert "out of reach" in found["out_of_reach"]
+    without = control("asu_two_section_january", "--controller", "static")
+    assert without.exit_code == 1
+    assert "reaches no circle of its tip" in without.output
+    move = control("asu_two_section_january", "--controller", "full", "--reference", "move", "--period", "0.005")
+    assert move.exit_code == 0
+    assert "out of reach" not in move.output
+    assert "% of the reference is too fast for asu_two_section_january: at 0." in move.output
+
+
+def test_texts_stay_within_the_figure() -> None:
+    plot = pytest.importorskip("bha.plot")
+    agg = pytest.importorskip("matplotlib.backends.backend_agg")
+    far = point_to_point(np.full(9, 0.19), np.full(9, 0.38))
+    run = simulate_closed_loop(ARM, StaticModel(ARM), far)
+    assert len(run.saturation()) > 4
+    runs = dict.fromkeys(("pid", "linearization, reduced model, with creep and with all else", "static"), run)
+    figure = plot.plot_tracking(runs, title="an arm with a long name, led by the model of another " * 4)
+    canvas = agg.FigureCanvasAgg(figure)
+    canvas.draw()
+    whole = figure.bbox
+    texts = [text for axes in figure.axes for text in [*axes.texts, *axes.get_yticklabels(), *axes.get_xticklabels()]]
+    labels = [label for axes in figure.axes for label in (axes.xaxis.label, axes.yaxis.label, axes.title)]
+    for text in [*texts, *labels, *figure.texts]:
+        box = text.get_window_extent(canvas.get_renderer())
+        if text.get_visible() and text.get_text() and box.width > 0:
+            assert box.x0 >= whole.x0 - 1, text.get_text()
+            assert box.x1 <= whole.x1 + 1, text.get_text()
+
+
 def test_figure_groups_labels_up_to_the_first_comma() -> None:
     plot = pytest.importorskip("bha.plot")
     pytest.importorskip("matplotlib")
     target = hold(np.full(9, 0.19), 0.1)
     run = simulate_closed_loop(ARM, Pid(ARM), target)
     figure = plot.plot_tracking({"pid": run, "full": run, "full, with creep": run}, title="t")
-    above, below = figure.axes
+    above, below, *paths = figure.axes
     styles = [(line.get_color(), line.get_linestyle()) for line in above.get_lines()]
     assert styles[0][0] != styles[1][0] == styles[2][0]
     assert [style for _, style in styles] == ["-", "-", "--"]
     assert [text.get_text() for text in below.get_yticklabels()] == ["pid", "full", "full, with creep"]
+    assert [axes.get_xlabel()[0] for axes in paths] == ["x", "x"]
+    assert [axes.get_ylabel()[0] for axes in paths] == ["y", "z"]
+    # The reference once, since all share it, and a path and its end for each run.
+    assert [len(axes.get_lines()) for axes in paths] == [1 + 2 * 3] * 2
     with pytest.raises(InputError, match="nothing to plot"):
         plot.plot_tracking({})
 
@@ -141,4 +238,4 @@ def test_logs_that_are_no_reference(tmp_path: Path) -> None:
     log = csv(tmp_path / "q.csv", {"t [s]": np.array([0.0, 1.0]), "q11 [m]": np.array([0.2, 0.2])})
     result = control("bha_nominal", "--reference", log)
     assert result.exit_code == 1
-    assert "has lengths of 1 sections, bha_nominal has 3" in result.output
+    assert "needs the lengths of all sections of bha_nominal (q11 to q33" in result.output

@@ -48,6 +48,7 @@ def test_integrators_agree_with_scipy_on_the_reference() -> None:
     for options in [
         {"method": "rk4", "step": 5e-4},
         {"options": bha.Options(rtol=1e-10, atol=1e-12)},
+        {"options": bha.Options("rodas4", rtol=1e-9, atol=1e-11)},
     ]:
         end = run(**options)
         found = np.concatenate([end.lengths[-1], end.velocities[-1]])
@@ -96,7 +97,7 @@ def test_pieces_are_the_whole() -> None:
     np.testing.assert_array_equal(np.vstack([p.lengths for p in in_pieces]), whole.lengths)
 
 
-@pytest.mark.parametrize("method", ["dopri5", "rk4"])
+@pytest.mark.parametrize("method", ["dopri5", "rk4", "rodas4"])
 def test_a_jump_is_not_smeared(method: str) -> None:
     """A jump between two output rows: the same as two runs that meet there."""
     low, high = REST, REST + 2e4
@@ -112,6 +113,24 @@ def test_a_jump_is_not_smeared(method: str) -> None:
     options = bha.Options(method=method, step=1e-3, rtol=1e-10, atol=1e-12, interpolation="hold")  # type: ignore[arg-type]
     again = bha.Simulation(ARM, held, options).advance([0.3])
     np.testing.assert_allclose(again.lengths[-1], second.lengths[-1], rtol=0, atol=1e-9)
+
+
+def test_an_input_says_what_holds_between_its_samples() -> None:
+    """Options decide only where they say something; batches mix inputs that hold with others."""
+    time, p = np.array([0.0, 0.1, 0.3]), np.vstack([REST, REST + 2e4, REST])
+    held, line = bha.Input(time, p, interpolation="hold"), bha.Input(time, p)
+    by_option = {name: bha.Options(interpolation=name) for name in ("hold", "linear")}  # type: ignore[arg-type]
+    ends = {
+        "hold": bha.simulate(ARM, held, dt=0.1).lengths[-1],
+        "linear": bha.simulate(ARM, line, dt=0.1).lengths[-1],
+    }
+    assert np.abs(ends["hold"] - ends["linear"]).max() > 1e-4
+    for name, end in ends.items():
+        for drive in (held, line):
+            np.testing.assert_array_equal(bha.simulate(ARM, drive, dt=0.1, options=by_option[name]).lengths[-1], end)
+    batch = bha.simulate_batch(ARM, [line, held, line], times=[0.0, 0.3], method="dopri5")
+    for found, name in zip(batch.lengths[:, -1], ("linear", "hold", "linear"), strict=True):
+        np.testing.assert_allclose(found, ends[name], rtol=0, atol=1e-7)
 
 
 def test_rest_stays_at_rest() -> None:
@@ -150,10 +169,13 @@ def test_a_step_limit_is_an_error_that_says_so() -> None:
         ({"times": [1.0, 0.0]}, "backwards from 1 to 0 s at sample 1"),
         ({"times": [0.0, 1.0, 2.0]}, "pressures: 12 values; 3 samples of 6"),
         ({"q": np.zeros(5)}, r"q: expected shape \(6,\), found \[5\]"),
-        ({"method": "euler"}, 'method: "euler"; "dopri5", "rk4" or "ros2" are allowed'),
+        ({"method": "euler"}, 'method: "euler"; "auto", "dopri5", "rodas4", "rk4", "ros2" are allowed'),
         ({"interpolation": "cubic"}, 'interpolation: "cubic"; "linear" or "hold" are allowed'),
         ({"step": 0.0}, "step: 0; a positive number"),
         ({"rtol": float("nan")}, "rtol: NaN; a positive number"),
+        ({"rtol": float("inf")}, "rtol: inf; a finite number"),
+        ({"max_steps": -1}, "max_steps: -1; at least 1"),
+        ({"pressures": np.vstack([REST, REST - 1.2e5])}, "-10000 Pa.* gauge"),
     ],
 )
 def test_wrong_arguments(arguments: dict[str, object], text: str) -> None:

@@ -86,7 +86,7 @@ def run_of(
     """The arm with effects under the pressures ``p``."""
     tables = [{"kind": e["kind"], "where": e["where"], **e["parameters"]} for e in effects]
     options = options or bha.Options(method="rk4", step=2.5e-3)
-    return bha.simulate(arm.with_effects(tables), bha.Input(time, p), options=options)
+    return bha.simulate(arm.with_effects(tables), bha.Input(time, p), times=time, options=options)
 
 
 def simulated(

@@ -53,7 +53,7 @@ def measured(
     q0: Array | None = None,
 ) -> Log:
     """A log of the simulated arm with white sensor noise; ``change`` acts on the lengths before the noise."""
-    run = bha.simulate(arm, drive, method="rk4", step=1e-3, q0=q0)
+    run = bha.simulate(arm, drive, times=drive.time, method="rk4", step=1e-3, q0=q0)
     random = np.random.default_rng(1000 + seed)
     columns: dict[str, Array] = {"t [s]": drive.time}
     for name, pressure in zip(arm.inputs, drive.pressures.T, strict=True):

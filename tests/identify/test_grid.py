@@ -57,7 +57,7 @@ def test_predictions_agree_with_a_simulation_that_stops_at_every_row() -> None:
     x0 = np.concatenate([arm.static_lengths(drive.pressures[0]), np.zeros(3)])
     window = Window(0, 0, len(rec))
     (found,) = Model(arm.parameters, (), (rec,), step=5e-3).predict(np.zeros(0), [window], x0[None])
-    run = bha.simulate(arm, drive)
+    run = bha.simulate(arm, drive, times=drive.time)
     expected = np.hstack([run.lengths, run.head_positions[:, 0]])
     # Pressures have kinks within steps; the rest is a thirtieth of a draw wire's noise at its worst.
     assert np.abs(found - expected).max() < 1e-5

@@ -119,14 +119,14 @@ def test_any_file_is_refused_or_read(folder: Path, data: st.DataObject) -> None:
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"log_standard_deviation": 1e308}, r"log_standard_deviation: found 1e\+308: draws from 0 to inf"),
+        ({"log_standard_deviation": 1e30}, r"log_standard_deviation: found 1e\+30: draws from 0 to inf"),
         ({"log_standard_deviation": 90.0}, r"log_standard_deviation: found 90.0: draws from .* to inf"),
         ({"distribution": "normal", "mean": 1e308, "standard_deviation": 1e308}, "standard_deviation: found"),
         ({"distribution": "uniform", "low": -1e308, "high": 1e308}, "high: found"),
         ({"distribution": "log_uniform", "low": 1e-300, "high": 1e300}, "high: found"),
         (
             {"distribution": "choice", "values": [1.0, 2.0], "weights": [1e308, 1e308]},
-            "weights: found .* sum is finite",
+            "weights: found .* too great to compute with",
         ),
     ],
 )
@@ -139,7 +139,7 @@ def test_draws_that_no_number_can_hold(folder: Path, change: dict[str, Any], tex
 @pytest.mark.parametrize(
     ("simulation", "text"),
     [
-        ({"duration": 1e308}, "a run of 1e.308 s under the input would have inf rows; allowed: at most"),
+        ({"duration": 1e30}, r"a run of 1e.30 s under the input would have 2e\+32 rows; allowed: at most"),
         ({"duration": math.inf}, "duration: found inf; allowed: a number > 0"),
         ({"duration": 1.0, "dt": 1e-12}, r"dt: found 1e-12: .* 1e\+12 rows"),
         ({"duration": 1.0, "dt": math.inf}, "dt: found inf; allowed: a number > 0"),

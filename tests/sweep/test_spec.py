@@ -75,7 +75,7 @@ MASS = {"what": "section.1.mass", "distribution": "uniform", "low": 0.5, "high":
         ({"initial": {"lengths": [0.1] * 6}}, "lengths: found 6 numbers; allowed: 3"),
         ({"simulation": {}}, "simulation: duration: missing"),
         ({"simulation": {"duration": 0.1, "dt": 1.0}}, "dt: found 1.0; allowed: at most the duration"),
-        ({"simulation": {"duration": 0.1, "method": "euler"}}, 'method: found "euler"; allowed: "dopri5"'),
+        ({"simulation": {"duration": 0.1, "method": "euler"}}, 'method: found "euler"; allowed: "auto"'),
         ({"arm": "nobody"}, 'arm: found "nobody"; allowed: a file that exists .*bha_nominal'),
         ({"kind": "grid"}, "runs: a grid has one run for each combination"),
         ({"kind": "grid", "runs": None, "seed": None}, "vary 1: distribution: a grid draws nothing"),

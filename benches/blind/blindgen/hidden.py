@@ -76,7 +76,7 @@ def no_hidden(sections: int, gravity: Array) -> Hidden:
 
 
 @compiled
-def _creep_branch(force: float, stiffness: float, tau: float, stretch: float, span: float) -> float:
+def maxwell_branch(force: float, stiffness: float, tau: float, stretch: float, span: float) -> float:
     """Maxwell branch after ``span``, exact for a constant rate."""
     if span <= 0.0:
         return force
@@ -105,8 +105,8 @@ def bellows_resistance(hb: Any, j: int, speed: float, stretch: float, span: floa
     """Hidden force of bellows ``j`` against lengthening, N."""
     force = 0.0
     if hb[j, B_CREEP] != 0.0 or hb[j, B_CREEP + 2] != 0.0:
-        force += _creep_branch(memory[j, CREEP], hb[j, B_CREEP], hb[j, B_CREEP + 1], stretch, span)
-        force += _creep_branch(memory[j, CREEP + 1], hb[j, B_CREEP + 2], hb[j, B_CREEP + 3], stretch, span)
+        force += maxwell_branch(memory[j, CREEP], hb[j, B_CREEP], hb[j, B_CREEP + 1], stretch, span)
+        force += maxwell_branch(memory[j, CREEP + 1], hb[j, B_CREEP + 2], hb[j, B_CREEP + 3], stretch, span)
     if hb[j, B_SLIP] != 0.0:
         for m in range(SLIP_YIELD.shape[0]):
             limit = SLIP_YIELD[m] * hb[j, B_SLIP + 1]
@@ -127,7 +127,7 @@ def advance_memory(hb: Any, speeds: Any, stretch: Any, span: float, memory: Any)
     for j in range(stretch.shape[0]):
         if hb[j, B_CREEP] != 0.0 or hb[j, B_CREEP + 2] != 0.0:
             for m in range(2):
-                memory[j, CREEP + m] = _creep_branch(
+                memory[j, CREEP + m] = maxwell_branch(
                     memory[j, CREEP + m], hb[j, B_CREEP + 2 * m], hb[j, B_CREEP + 2 * m + 1], stretch[j], span
                 )
         if hb[j, B_SLIP] != 0.0:

@@ -134,21 +134,23 @@ class Score:
         self.tallies.setdefault(name, Tally()).add(hit, in_class)
 
 
-def _number(item: object) -> float | None:
+def number_in(item: object) -> float | None:
+    """A finite number, or the ``value`` of a table; None otherwise."""
     value = item.get("value") if isinstance(item, dict) else item
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-def _parameters(score: Score, true: dict[str, Any], named: dict[str, Any]) -> None:
+def compare_parameters(score: Score, true: dict[str, Any], named: dict[str, Any]) -> None:
+    """Count relative errors and the coverage of intervals of an effect that was named right."""
     given = dict(named.get("parameters") or {})
-    about = [_number(given.get(f"about_{axis}")) for axis in "xy"]
+    about = [number_in(given.get(f"about_{axis}")) for axis in "xy"]
     if about[0] is not None and about[1] is not None:
         given.setdefault("angle", math.hypot(about[0], about[1]))
     for key, reading in true["comparable"].items():
         # The answer is the sensor's gain, a diagnosis has that from the reading to the pressure that acts.
         value = -reading / (1.0 + reading) if (true["kind"], key) == ("pressure_gain", "gain") else reading
         for alias in ALIASES.get((true["kind"], key), (key,)):
-            guess = _number(given.get(alias))
+            guess = number_in(given.get(alias))
             if guess is None:
                 continue
             name = f"{true['kind']}.{key}"
@@ -265,15 +267,16 @@ def score_case(score: Score, answer: dict[str, Any], verdict: Verdict) -> None:
             if group != "single":
                 right = same_place(effect["kind"], str(match["where"]), effect["where"])
                 score.count("several effects: place right, of those named right", right)
-            _parameters(score, effect, match)
-    before, after, noise = (_number(verdict.gap.get(key)) for key in ("before", "after", "noise"))
+            compare_parameters(score, effect, match)
+    before, after, noise = (number_in(verdict.gap.get(key)) for key in ("before", "after", "noise"))
     if before is not None and after is not None and noise:
         floors = answer["noise_floor_rms"]
         floor = math.sqrt((floors["holdout_1"] ** 2 + floors["holdout_2"] ** 2) / 2)
         score.held_out.setdefault(group, []).append((before, after, noise, floor))
 
 
-def _quantiles(values: Sequence[float]) -> str:
+def quantiles(values: Sequence[float]) -> str:
+    """Median, and 10th to 90th percentile, as text."""
     ordered = sorted(values)
 
     def at(share: float) -> float:
@@ -291,7 +294,7 @@ def report(score: Score, title: str) -> str:
     lines += [f"| {name} | {tally.text()} |" for name, tally in sorted(score.tallies.items())]
     if score.parameter_errors:
         lines += ["", "| parameter | cases | relative error, median (10th to 90th percentile) |", "|---|---|---|"]
-        lines += [f"| {k} | {len(v)} | {_quantiles(v)} |" for k, v in sorted(score.parameter_errors.items())]
+        lines += [f"| {k} | {len(v)} | {quantiles(v)} |" for k, v in sorted(score.parameter_errors.items())]
     if score.held_out:
         lines += [
             "",
@@ -304,7 +307,7 @@ def report(score: Score, title: str) -> str:
             for _, after, noise, _ in rows:
                 tally.add(after <= 1.15 * noise)
             columns = [[b / n for b, _, n, _ in rows], [a / n for _, a, n, _ in rows], [a / f for _, a, _, f in rows]]
-            lines.append(f"| {group} | {len(rows)} | " + " | ".join(map(_quantiles, columns)) + f" | {tally.text()} |")
+            lines.append(f"| {group} | {len(rows)} | " + " | ".join(map(quantiles, columns)) + f" | {tally.text()} |")
     lines += ["", "Confusion: rows are the truth, columns the first name given.", "", *confusion_table(score.confusion)]
     if score.problems:
         lines += ["", f"Failed cases: {len(score.problems)}", *(f"- {text}" for text in score.problems)]

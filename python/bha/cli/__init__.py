@@ -14,6 +14,7 @@ from bha.cli.terminal import errors_as_lines
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "robots": ("bha.cli.robots", "robots", "The arms that ship with the package."),
     "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
+    "check": ("bha.cli.check", "check", "Whether logs and a parameter file belong together."),
     "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),
     "experiment": ("bha.experiments.cli", "experiment", "The paper's experiments on a virtual arm."),
     "control": ("bha.control.cli", "control", "Controllers lead a plant along a reference, compared."),

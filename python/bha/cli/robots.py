@@ -7,15 +7,13 @@ from importlib import resources
 from typing import Any
 
 import click
-import numpy as np
 
 from bha import robots as shipped
 from bha.arm import Arm
 from bha.cli.common import console, json_option, print_json, reports_errors, say, table
+from bha.control.stepper import stable_step
 from bha.errors import ConvergenceError
 
-#: On the negative axis rk4 is stable up to this product of step and rate (Hairer and Wanner, IV.2).
-_STABLE = 2.785
 #: An arm whose explicit steps must be shorter than this is called stiff, s.
 _STIFF_BELOW = 1e-3
 
@@ -59,13 +57,10 @@ def _facts(name: str) -> dict[str, Any]:
 
 def explicit_step(arm: Arm) -> float | None:
     """The longest step with which rk4 is stable near the arm's rest at ambient pressure, s; None without a rest."""
-    pressures = np.full(len(arm.inputs), arm.parameters.ambient_pressure)
     try:
-        lengths = arm.static_lengths(pressures)
+        return stable_step(arm)
     except ConvergenceError:
         return None
-    state, _ = arm.linearize(lengths, np.zeros_like(lengths), pressures)
-    return float(_STABLE / np.abs(np.linalg.eigvals(state)).max())
 
 
 def _about(name: str) -> str:

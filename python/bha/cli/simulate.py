@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 import numpy as np
@@ -32,14 +32,18 @@ FIGURE_ROWS = 4000
 @click.option("--plot", is_flag=True, help="Write figures beside the trajectory (or the log's name).")
 @pressures_option
 @missing_option
-@click.option("--dt", type=float, help="Distance of the output rows [s]; the log's own times if left out.")
-@click.option("--method", type=click.Choice(["dopri5", "rk4", "ros2"]), default="dopri5", show_default=True)
-@click.option("--step", type=float, default=1e-3, show_default=True, help="Step of rk4 [s].")
-@click.option("--rtol", type=float, default=1e-6, show_default=True, help="Relative tolerance of dopri5.")
-@click.option("--atol", type=float, default=1e-8, show_default=True, help="Absolute tolerance of dopri5 [m, m/s].")
-@click.option("--max-steps", type=int, help="Give up after this many steps.")
-@click.option("--interpolation", type=click.Choice(["linear", "hold"]), default="linear", show_default=True,
-              help="Pressures between two samples.")  # fmt: skip
+@click.option("--dt", type=float,
+              help="Distance of the output rows [s]; left out: the log's samples, at least 100 Hz.")  # fmt: skip
+@click.option("--method", type=click.Choice(get_args(Method)), default="auto", show_default=True,
+              help="auto: rodas4 (implicit) for stiff arms, dopri5 (explicit) for others; rk4 (explicit) and ros2 "
+              "(implicit) take fixed steps.")  # fmt: skip
+@click.option("--step", type=float, default=1e-3, show_default=True, help="Longest step of rk4 and ros2 [s].")
+@click.option("--rtol", type=float, default=1e-6, show_default=True, help="Relative tolerance of dopri5 and rodas4.")
+@click.option("--atol", type=float, default=1e-8, show_default=True,
+              help="Absolute tolerance of dopri5 and rodas4 [m, m/s].")  # fmt: skip
+@click.option("--max-steps", type=int, help="Give up after this many steps (at least 1).")
+@click.option("--interpolation", type=click.Choice(["linear", "hold"]),
+              help="Pressures between two samples; as the log's pressures ask for if left out.")  # fmt: skip
 @json_option
 @reports_errors
 def simulate(
@@ -55,7 +59,7 @@ def simulate(
     rtol: float,
     atol: float,
     max_steps: int | None,
-    interpolation: Interpolation,
+    interpolation: Interpolation | None,
     as_json: bool,
 ) -> None:
     """Simulate ARM (a parameter file or the name of a shipped arm) from the pressures of a log.
@@ -99,7 +103,7 @@ def simulate(
     written = [] if out is None else [out]
     if plot:
         written += _figures(arm, concatenate(kept), recording, out or input_path)
-    _report(arm, times, counts, errors, written, as_json)
+    _report(arm, times, run.method, counts, errors, written, as_json)
 
 
 class OutputErrors:
@@ -166,13 +170,15 @@ def _figures(arm: Arm, shown: Trajectory, recording: Recording, beside: Path) ->
 def _report(
     arm: Arm,
     times: NDArray[np.float64],
+    method: str,
     counts: dict[str, int],
     errors: OutputErrors | None,
     written: list[Path],
     as_json: bool,
 ) -> None:
     if as_json:
-        result: dict[str, Any] = {"arm": arm.name, "rows": len(times), "end": times[-1], **counts, "written": written}
+        result: dict[str, Any] = {"arm": arm.name, "rows": len(times), "end": times[-1], "method": method}
+        result |= {**counts, "written": written}
         if errors is not None:
             rms = errors.root_mean_square
             result["recording"] = errors.recording.to_mapping()
@@ -183,8 +189,8 @@ def _report(
         print_json(result)
         return
     say(
-        f"{arm.name}: {times[-1] - times[0]:.6g} s in {counts['steps']} steps ({counts['rejected_steps']} rejected), "
-        f"{len(times)} rows"
+        f"{arm.name}: {times[-1] - times[0]:.6g} s in {counts['steps']} steps of {method} "
+        f"({counts['rejected_steps']} rejected), {len(times)} rows"
     )
     if errors is not None:
         _print_errors(errors)

@@ -17,6 +17,7 @@ from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
 from bha.control.margins import LinearLoop, linear_loop
 from bha.control.observers import FilteredDifference, KalmanFilter
+from bha.control.reach import Reachability, reachability
 from bha.control.references import Reference, hold, point_to_point, tip_circle, tip_line, tip_path, tip_samples
 from bha.control.stepper import Stepper
 
@@ -31,6 +32,7 @@ __all__ = [
     "LinearLoop",
     "LinearQuadraticRegulator",
     "Pid",
+    "Reachability",
     "Reference",
     "Sensors",
     "StaticModel",
@@ -38,6 +40,7 @@ __all__ = [
     "hold",
     "linear_loop",
     "point_to_point",
+    "reachability",
     "simulate_closed_loop",
     "tip_circle",
     "tip_line",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import click
 import numpy as np
 from rich.table import Table
 
+from bha import _core
 from bha.arm import Arm
 from bha.cli.common import (
     arm_argument,
@@ -33,10 +35,13 @@ from bha.control.controllers import (
 )
 from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
+from bha.control.reach import Reachability, reachability
 from bha.control.references import Reference, point_to_point, tip_circle, tip_samples
-from bha.errors import InputError, SimulationError
+from bha.errors import BhaError, InputError, ReferenceWarning, SimulationError
 from bha.files import check_target
+from bha.log import Log
 from bha.parameters import PneumaticsLevel
+from bha.recordings.compare import shown_by
 
 CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
     "pid": Pid,
@@ -48,13 +53,18 @@ CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
 }
 
 
+#: Inputs at a limit that the table names; ``--json`` has all.
+_MOST_NAMED = 3
+
+
 @click.command()
 @arm_argument
 @click.option("--plant", "plant_path", metavar="PLANT", help="The arm that moves; ARM itself if left out.")
 @click.option("--reference", metavar="circle|move|FILE", default="circle", show_default=True,
               help="A circle of the tip, a fast move there and back, or a log with lengths (q11 ...) or positions of "
                    "the last head (x3 y3 z3), which are smoothed.")  # fmt: skip
-@click.option("--radius", type=float, default=0.12, show_default=True, help="Radius of the circle [m].")
+@click.option("--radius", type=float,
+              help="Radius of the circle [m]; if left out, what ARM can reach well.")  # fmt: skip
 @click.option("--speed", type=float, default=0.4, show_default=True, help="Speed of the tip on the circle [m/s].")
 @click.option("--controller", "names", multiple=True, type=click.Choice(list(CONTROLLERS)),
               help="May be given several times; all if left out.")  # fmt: skip
@@ -68,14 +78,14 @@ CONTROLLERS: dict[str, Callable[[Arm], Controller]] = {
               help="Trajectory file of the plant: .parquet, .csv, .csv.gz or .npz; with several controllers one each, "
                    "its name added.")  # fmt: skip
 @click.option("--plot", metavar="FIGURE", type=click.Path(path_type=Path, dir_okay=False),
-              help="Figure of the tip errors: .pdf, .svg or .png.")  # fmt: skip
+              help="Figure of the tip's errors and paths: .pdf, .svg or .png.")  # fmt: skip
 @json_option
 @reports_errors
 def control(
     arm: Arm,
     plant_path: str | None,
     reference: str,
-    radius: float,
+    radius: float | None,
     speed: float,
     names: tuple[str, ...],
     pneumatics: PneumaticsLevel | None,
@@ -89,8 +99,9 @@ def control(
 ) -> None:
     """Let controllers whose model is ARM lead a plant along a reference, and compare how they follow.
 
-    ARM and PLANT are parameter files or names of shipped arms. A controller under which the plant diverges is reported,
-    and the exit code is then 1.
+    ARM and PLANT are parameter files or names of shipped arms. A part of the reference that ARM cannot reach with
+    pressures within its pressure_range is named. A controller that fails, or under which the plant diverges, is
+    reported with the reason beside the others, and the exit code is then 1.
     """
     check_target(out)  # before the work, lest it be lost
     check_target(plot)
@@ -100,17 +111,24 @@ def control(
     sensors = Sensors(length_noise, pressure_noise, seed)
     chosen = tuple(dict.fromkeys(names)) or tuple(CONTROLLERS)
     runs: dict[str, ClosedLoopRun] = {}
-    failures: dict[str, str] = {}
+    failures: dict[str, BhaError] = {}
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reference", total=float(len(chosen)))
-        target = reference_of(arm, reference, radius, speed, period)
+        with warnings.catch_warnings():
+            # Said below, in the report.
+            warnings.simplefilter("ignore", ReferenceWarning)
+            target = reference_of(arm, reference, radius, speed, period)
+        reach = reachability(arm, target)
         for name in chosen:
             bar.update(task, description=name)
             try:
                 runs[name] = simulate_closed_loop(plant, CONTROLLERS[name](arm), target, sensors=sensors)
-            except SimulationError as error:
-                failures[name] = str(error)
+            except BhaError as error:
+                failures[name] = error
             bar.advance(task)
+    if len(failures) == len(chosen) and all(isinstance(error, InputError) for error in failures.values()):
+        # What is wrong is wrong for all.
+        raise failures[chosen[0]]
     written = []
     if out is not None:
         several = len(chosen) > 1
@@ -120,9 +138,9 @@ def control(
 
         written.append(write_figure(plot_tracking(runs, title=f"{plant.name}, led by the model {arm.name}"), plot))
     if as_json:
-        print_json(_as_mapping(arm, plant, target, runs, failures) | {"written": written})
+        print_json(_as_mapping(arm, plant, reach, target, runs, failures) | {"written": written})
     else:
-        _report(target, runs, failures, written)
+        _report(reach, target, runs, failures, written)
     if failures:
         sys.exit(1)
 
@@ -133,7 +151,7 @@ def _beside(path: Path, name: str) -> Path:
     return path.with_name(f"{stem}_{name}{dot}{extension}")
 
 
-def reference_of(arm: Arm, kind: str, radius: float, speed: float, period: float) -> Reference:
+def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period: float) -> Reference:
     """The reference that the options ask for.
 
     Raises:
@@ -146,28 +164,26 @@ def reference_of(arm: Arm, kind: str, radius: float, speed: float, period: float
         middle, half = (limits.shortest + limits.longest) / 2, (limits.longest - limits.shortest) / 2
         bend = np.tile([-0.3, 0.15, 0.15], arm.section_count)
         fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
-        start, end = middle - 0.1 * half, middle + (bend - 0.1) * half
+        # From where the arm can rest to where it can rest: nearest to a bend that is meant for any arm.
+        start, end = (
+            _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred)[1]
+            for lengths in (middle - 0.1 * half, middle + (bend - 0.1) * half)
+        )
         there = point_to_point(start, end, period=period, **fast)
         return there.followed_by(point_to_point(end, start, period=period, **fast))
     path = Path(kind)
     if not path.exists():
         raise InputError(f"reference: {kind!r} is neither circle nor move nor a file")
-    from bha.log import Log  # noqa: PLC0415  (units are only loaded where a log is used)
-
-    log = Log.read(path)
-    lengths, heads, count = log.lengths, log.head_positions, arm.section_count
-    if lengths is not None:
-        if lengths.shape[1] != 3 * count:
-            raise InputError(
-                f"{path}: has lengths of {lengths.shape[1] // 3} sections, {arm.name} has {count}; a reference needs "
-                f"those of all, q11 to q{count}3"
-            )
+    log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure)
+    lengths, heads = shown_by(arm, log, str(path))
+    if np.all(np.isfinite(lengths)):
         return Reference.sampled(log.time, lengths, period=period)
-    if heads is not None and heads.shape[1] == count:
+    if np.all(np.isfinite(heads[:, -1])):
         return tip_samples(arm, log.time, heads[:, -1], period=period)
+    count = arm.section_count
     raise InputError(
-        f"{path}: a reference needs the lengths of all sections (q11 to q{count}3) or the positions of the last head "
-        f"(x{count}, y{count}, z{count}); found {', '.join(log.columns)}"
+        f"{path}: a reference needs the lengths of all sections of {arm.name} (q11 to q{count}3, or qv11 ...) "
+        f"or the positions of the last head (x{count}, y{count}, z{count}); found {', '.join(log.columns)}"
     )
 
 
@@ -178,13 +194,20 @@ def table(runs: dict[str, ClosedLoopRun], title: str) -> Table:
     for name, run in runs.items():
         error = 1e3 * run.tip_error
         cells = (1e3 * run.rms_tip_error(), error.max(), error[-100:].mean())
-        limited = ", ".join(f"{k} {share:.1%}" for k, share in run.saturation().items())
+        shares = sorted(run.saturation().items(), key=lambda pair: -pair[1])
+        limited = ", ".join(f"{k} {share:.1%}" for k, share in shares[:_MOST_NAMED])
+        limited += f" and {len(shares) - _MOST_NAMED} more" if len(shares) > _MOST_NAMED else ""
         out.add_row(name, *(f"{value:.2f}" for value in cells), limited or "-")
     return out
 
 
 def _as_mapping(
-    arm: Arm, plant: Arm, reference: Reference, runs: dict[str, ClosedLoopRun], failures: dict[str, str]
+    arm: Arm,
+    plant: Arm,
+    reach: Reachability,
+    reference: Reference,
+    runs: dict[str, ClosedLoopRun],
+    failures: dict[str, BhaError],
 ) -> dict[str, Any]:
     """Results for machines, SI."""
     results: dict[str, Any] = {
@@ -196,24 +219,49 @@ def _as_mapping(
         }
         for name, run in runs.items()
     }
-    results |= {name: {"diverged": reason} for name, reason in failures.items()}
+    results |= {
+        name: {"diverged" if _diverged(error) else "failed": _reason(error)} for name, error in failures.items()
+    }
+    distance = reach.distance[np.isfinite(reach.distance)]
     return {
         "model": arm.name,
         "plant": plant.name,
         "periods": len(reference),
         "period": reference.period,
+        "reachable": float(np.mean(reach.reached)),
+        "out_of_reach": None if reach.complete else str(reach),
+        "too_fast": reach.too_fast,
+        "farthest_at_rest": float(distance.max()) if len(distance) else None,
         "runs": results,
     }
 
 
+def _diverged(error: BhaError) -> bool:
+    """Whether it was the plant, and not the controller, that could not go on."""
+    return isinstance(error.__cause__, SimulationError)
+
+
+def _reason(error: BhaError) -> str:
+    """The text without the name of the controller's class: that of the option stands before it."""
+    return str(error.__cause__ or error)
+
+
 def _report(
-    reference: Reference, runs: dict[str, ClosedLoopRun], failures: dict[str, str], written: list[Path]
+    reach: Reachability,
+    reference: Reference,
+    runs: dict[str, ClosedLoopRun],
+    failures: dict[str, BhaError],
+    written: list[Path],
 ) -> None:
     """Print the table for people."""
-    console().print(
-        table(runs, f"Distance of the tip from its reference over {len(reference) * reference.period:.3g} s")
-    )
-    for name, reason in failures.items():
-        say(f"{name}: the plant diverged: {reason}")
+    for warning in (None if reach.complete else str(reach), reach.too_fast):
+        if warning is not None:
+            say(f"warning: {warning}")
+    if runs:
+        console().print(
+            table(runs, f"Distance of the tip from its reference over {len(reference) * reference.period:.3g} s")
+        )
+    for name, error in failures.items():
+        say(f"{name}: {'the plant diverged' if _diverged(error) else 'failed'}: {_reason(error)}")
     if written:
         say("Written: " + ", ".join(str(path) for path in written))

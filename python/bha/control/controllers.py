@@ -7,7 +7,9 @@ full are in ``docs/control.md``. All commands stay within the limits; while an i
 from __future__ import annotations
 
 import json
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,9 +21,13 @@ from bha import _core
 from bha.control.limits import Limits
 from bha.control.margins import Feedback, WorkingPoint, largest_gain, linear_loop, mean_lengths
 from bha.control.observers import FilteredDifference, KalmanFilter, Observer
+from bha.errors import InputError
 
 if TYPE_CHECKING:
     from bha.arm import Arm
+
+USUAL_PERIOD = 1e-3
+"""Control period that is meant where none is given, s."""
 
 SENSITIVITY_BOUND = 2.0
 """M_s that gains which the laws choose by themselves keep to: a factor of 2 to instability in every command."""
@@ -45,11 +51,11 @@ class Controller(ABC):
     lead_time: float | None = field(default=None, kw_only=True)
 
     @abstractmethod
-    def law(self) -> dict[str, Any]:
-        """The law with its gains, as the core takes it."""
+    def law(self, period: float = USUAL_PERIOD) -> dict[str, Any]:
+        """The law with its gains for a control period, s, as the core takes it."""
 
     @abstractmethod
-    def feedback(self, point: WorkingPoint) -> Feedback:
+    def feedback(self, point: WorkingPoint, period: float = USUAL_PERIOD) -> Feedback:
         """What the law does to small deviations around rest at ``point``, which is the controller's model's."""
 
     def default_observer(self) -> Observer:
@@ -64,18 +70,26 @@ class Controller(ABC):
         """A controller under way with a control period of ``period`` s.
 
         Raises:
-            InputError: a gain that is not allowed.
+            InputError: a gain or a period that is not allowed.
         """
+        if not (math.isfinite(period) and period > 0):
+            raise InputError(f"controller: period is {period}; a positive number of seconds is needed")
         limits = self.limits or Limits.of(self.arm)
         observer = self.observer or self.default_observer()
         parameters = {
             "period": period,
-            "law": self.law(),
+            "law": self.law(period),
             "observer": observer.to_core(),
             "limits": {name: getattr(limits, name).tolist() for name in ("low", "high", "preferred")},
             "lead_time": pressure_time(self.arm) if self.lead_time is None else self.lead_time,
         }
-        return _core.Controller(self.model(), json.dumps(parameters))
+        try:
+            text = json.dumps(parameters, allow_nan=False)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{type(self).__name__}: all gains and times must be finite numbers, found {self!r}"
+            ) from None
+        return _core.Controller(self.model(), text)
 
 
 @dataclass(frozen=True)
@@ -97,7 +111,7 @@ class Pid(Controller):
     derivative: float = 0.04
     lead_time: float | None = field(default=0.0, kw_only=True)
 
-    def law(self) -> dict[str, Any]:
+    def law(self, period: float = USUAL_PERIOD) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
         scale = _pressure_per_length(self.arm)
         return {
@@ -107,7 +121,7 @@ class Pid(Controller):
             "derivative": (self.derivative * scale).tolist(),
         }
 
-    def feedback(self, point: WorkingPoint) -> Feedback:
+    def feedback(self, point: WorkingPoint, period: float = USUAL_PERIOD) -> Feedback:
         """What the law does to small deviations around rest at ``point``."""
         mean = _pressure_per_length(self.arm)[:, None] * mean_lengths(self.arm)
         return Feedback.of(self.proportional * mean, self.derivative * mean, self.integral * mean)
@@ -129,7 +143,7 @@ class GravityPd(Controller):
     it drives what it should damp. The derivative left out is therefore ``proportional`` (0.04 s + T), T the time
     constant of the model's pneumatics, and the proportional gain left out is the largest up to 1 for which the
     sensitivity peaks at no more than 2 (:func:`bha.control.linear_loop`, at the middle of the lengths). Gains that are
-    given are taken as they are.
+    given are taken as they are. Gains are chosen for the control period that the controller is built for.
 
     Attributes:
         proportional: multiple of the stiffness; None: by the margin.
@@ -143,6 +157,10 @@ class GravityPd(Controller):
 
     @cached_property
     def gains(self) -> tuple[float, float, float]:
+        """:meth:`gains_at` a period of 1 ms."""
+        return self.gains_at(USUAL_PERIOD)
+
+    def gains_at(self, period: float) -> tuple[float, float, float]:
         """Proportional (1), integral (1/s) and derivative gain (s), multiples of the stiffness, chosen or given.
 
         Raises:
@@ -150,19 +168,19 @@ class GravityPd(Controller):
         """
         p, i, d = self.proportional, self.integral, self.derivative
         if p is None:
-            p = largest_gain(lambda p: linear_loop(replace(self, proportional=p)).sensitivity_peak, SENSITIVITY_BOUND)
+            p = _largest(self, period, lambda part: replace(self, proportional=part))
         return p, 2.0 * p if i is None else i, p * (0.04 + pressure_time(self.arm)) if d is None else d
 
-    def law(self) -> dict[str, Any]:
+    def law(self, period: float = USUAL_PERIOD) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
         scale = _stiffness(self.arm)
-        names = ("proportional", "integral", "derivative")
-        return {"kind": "gravity_pd"} | {n: (gain * scale).tolist() for n, gain in zip(names, self.gains, strict=True)}
+        gains = zip(("proportional", "integral", "derivative"), self.gains_at(period), strict=True)
+        return {"kind": "gravity_pd"} | {name: (gain * scale).tolist() for name, gain in gains}
 
-    def feedback(self, point: WorkingPoint) -> Feedback:
+    def feedback(self, point: WorkingPoint, period: float = USUAL_PERIOD) -> Feedback:
         """What the law does to small deviations around rest at ``point``."""
         unit = point.pressures_by_force * _stiffness(self.arm)
-        p, i, d = self.gains
+        p, i, d = self.gains_at(period)
         return Feedback.of(p * unit, d * unit, i * unit)
 
 
@@ -178,11 +196,11 @@ class StaticModel(Controller):
     proportional: float = 0.0
     integral: float = 0.3
 
-    def law(self) -> dict[str, Any]:
+    def law(self, period: float = USUAL_PERIOD) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
         return {"kind": "static_model", "proportional": self.proportional, "integral": self.integral}
 
-    def feedback(self, point: WorkingPoint) -> Feedback:
+    def feedback(self, point: WorkingPoint, period: float = USUAL_PERIOD) -> Feedback:
         """What the law does to small deviations around rest at ``point``."""
         held = point.pressures_by_lengths
         return Feedback.of(self.proportional * held, np.zeros_like(held), self.integral * held)
@@ -224,6 +242,10 @@ class FeedbackLinearization(Controller):
 
     @cached_property
     def gains(self) -> tuple[float, float, float]:
+        """:meth:`gains_at` a period of 1 ms."""
+        return self.gains_at(USUAL_PERIOD)
+
+    def gains_at(self, period: float) -> tuple[float, float, float]:
         """Proportional (1/s^2), integral (1/s; at the measured state 1/s^3) and derivative gain (1/s), chosen or given.
 
         Raises:
@@ -232,15 +254,13 @@ class FeedbackLinearization(Controller):
         w, i = self.bandwidth, self.integral_rate
         if w is None:
             fastest = 30.0
-            w = fastest * largest_gain(
-                lambda part: linear_loop(replace(self, bandwidth=part * fastest)).sensitivity_peak, SENSITIVITY_BOUND
-            )
+            w = fastest * _largest(self, period, lambda part: replace(self, bandwidth=part * fastest))
         d = 2 * self.damping_ratio * w
         return (w**2 + d * i, w**2 * i, d + i) if self.at == "measured" else (w**2, i, d)
 
-    def law(self) -> dict[str, Any]:
+    def law(self, period: float = USUAL_PERIOD) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
-        p, i, d = self.gains
+        p, i, d = self.gains_at(period)
         return {
             "kind": "feedback_linearization",
             "proportional": p,
@@ -250,9 +270,9 @@ class FeedbackLinearization(Controller):
             "compensate_disturbance": self.compensate_disturbance,
         }
 
-    def feedback(self, point: WorkingPoint) -> Feedback:
+    def feedback(self, point: WorkingPoint, period: float = USUAL_PERIOD) -> Feedback:
         """What the law does to small deviations around rest at ``point``."""
-        p, i, d = self.gains
+        p, i, d = self.gains_at(period)
         unit = point.pressures_by_force @ point.inertia
         unexplained = unit if self.compensate_disturbance else 0 * unit
         if self.at == "measured":
@@ -273,38 +293,48 @@ class LinearQuadraticRegulator(Controller):
         length_scale: m.
         rate_scale: m/s.
         pressure_scale: Pa.
-        period: period the gain is computed for, s.
+        period: period the gain is computed for, s; None: the control period that the controller is built for.
     """
 
     pose: ArrayLike | None = None
     length_scale: float = 2e-3
     rate_scale: float = 0.2
     pressure_scale: float = 3e3
-    period: float = 1e-3
+    period: float | None = None
 
-    def gain(self) -> NDArray[np.float64]:
+    def gain(self, period: float = USUAL_PERIOD) -> NDArray[np.float64]:
         """K, shape (inputs, 6n), Pa/m and Pa s/m."""
         limits = self.limits or Limits.of(self.arm)
         middle = (limits.shortest + limits.longest) / 2
         pose = middle if self.pose is None else np.asarray(self.pose, dtype=np.float64)
         p, q = _core.rest_near(self.arm, pose, limits.low, limits.high, limits.preferred)
         # In units of the scales, so that the Riccati equation sees numbers of like size.
-        a, b = _core.linearize(self.arm, q, np.zeros_like(q), p, self.period)
+        a, b = _core.linearize(self.arm, q, np.zeros_like(q), p, self.period or period)
         scale = np.repeat([self.length_scale, self.rate_scale], len(q))
         a = a * scale / scale[:, None]
         b = b * self.pressure_scale / scale[:, None]
         gain = _core.linear_quadratic_gain(a, b, np.eye(len(scale)), np.eye(b.shape[1]))
         return np.asarray(gain * self.pressure_scale / scale, dtype=np.float64)
 
-    def law(self) -> dict[str, Any]:
+    def law(self, period: float = USUAL_PERIOD) -> dict[str, Any]:
         """The law with its gains, as the core takes it."""
-        return {"kind": "state_feedback", "gain": self.gain().ravel().tolist()}
+        return {"kind": "state_feedback", "gain": self.gain(period).ravel().tolist()}
 
-    def feedback(self, point: WorkingPoint) -> Feedback:
+    def feedback(self, point: WorkingPoint, period: float = USUAL_PERIOD) -> Feedback:
         """What the law does to small deviations around rest at ``point``."""
-        gain = self.gain()
+        gain = self.gain(period)
         m = gain.shape[1] // 2
         return Feedback.of(gain[:, :m], gain[:, m:])
+
+
+def _largest(controller: Controller, period: float, with_part: Callable[[float], Controller]) -> float:
+    """The largest part up to 1 of a gain with which the loop at ``period`` s keeps to the bound of the sensitivity."""
+    found = controller.__dict__.setdefault("_largest", {})
+    if period not in found:
+        found[period] = largest_gain(
+            lambda part: linear_loop(with_part(part), period=period).sensitivity_peak, SENSITIVITY_BOUND
+        )
+    return float(found[period])
 
 
 def pressure_time(arm: Arm) -> float:

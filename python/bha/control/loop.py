@@ -14,7 +14,7 @@ from bha.control.controllers import Controller
 from bha.control.limits import Limits
 from bha.control.references import Reference
 from bha.control.stepper import Stepper
-from bha.errors import InputError
+from bha.errors import InputError, SimulationError
 from bha.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -97,7 +97,8 @@ def simulate_closed_loop(
     """Let a controller lead a plant along a reference.
 
     In each period the lengths and acting pressures are measured, the controller is asked, and its pressures are held as
-    commands to the plant's pneumatics until the next.
+    commands to the plant's pneumatics until the next. Gains that a controller chooses by itself are those for the
+    reference's period.
 
     Args:
         plant: the arm that moves, with its pneumatics.
@@ -109,7 +110,8 @@ def simulate_closed_loop(
         q0: initial lengths (3n,), m; None: at rest under ``p0``.
         p0: initial pressures (inputs,), Pa absolute; None: those under which the plant rests nearest to the reference's
             first lengths.
-        step: longest step of RK4 inside a period, s; None: 1 ms, or less where the plant is so stiff that it needs it.
+        step: longest step of the integration inside a period, s; None: 1 ms. A stiff plant is stepped as
+            :class:`Stepper` chooses.
         decimation: periods between two rows of the record.
 
     Returns:
@@ -118,7 +120,8 @@ def simulate_closed_loop(
     Raises:
         InputError: shapes that do not fit together, or pressures that are not finite.
         ConvergenceError: no rest to start from.
-        SimulationError: the plant diverged; ``error.trajectory`` holds the rows until then.
+        SimulationError: the plant diverged, or an estimate or a command was no longer finite: the text names the
+            controller and the cause, and ``error.trajectory`` holds the rows until then.
     """
     sensors = sensors or Sensors()
     coordinates, given = 3 * plant.section_count, reference.lengths.shape[1]
@@ -150,7 +153,7 @@ def simulate_closed_loop(
             lengths=lengths,
             velocities=velocities,
             pressures=pressures,
-            head_positions=heads.reshape(rows, -1, 3),
+            head_positions=heads.reshape(rows, plant.section_count, 3),
             input_names=plant.inputs,
             arm_name=plant.name,
             virtual_lengths=not plant.parameters.has_standard_bellows,
@@ -163,8 +166,9 @@ def simulate_closed_loop(
         decimation=decimation,
     )
     if failure is not None:
-        failure.trajectory = run.trajectory
-        raise failure
+        name = type(controller).__name__ if isinstance(controller, Controller) else "controller"
+        time = failure.time if isinstance(failure, SimulationError) else float(rows * decimation * reference.period)
+        raise SimulationError(f"{name}: {failure}", time, run.trajectory) from failure
     return run
 
 

@@ -309,7 +309,7 @@ def _pneumatic(arm: Arm, point: WorkingPoint, motion: Floats, force: Floats) -> 
 def _controller(controller: Controller, point: WorkingPoint, period: float, size: tuple[int, int]) -> _System:
     """From deviations of measured lengths, then pressures, to minus the command."""
     m, inputs = size
-    law = controller.feedback(point)
+    law = controller.feedback(point, period)
     observer = controller.observer or controller.default_observer()
     one, zero = np.eye(m), np.zeros((m, m))
     if isinstance(observer, FilteredDifference):
@@ -323,7 +323,7 @@ def _controller(controller: Controller, point: WorkingPoint, period: float, size
         core = controller.build(period)
         core.step(point.lengths, point.pressures, np.vstack([point.lengths, np.zeros((2, m))]))
         gain = core.observer_gain
-        ahead = _prediction(point, period, inputs)
+        ahead = _prediction(point, period, inputs, core.observer_substeps)
         corrected = (np.eye(3 * m) - gain @ np.hstack([one, zero, zero])) @ ahead
         predict, pressed = corrected[:, : 3 * m], corrected[:, 3 * m :]
         # Real pressures are taken as the mean of the period's ends, ideal ones as they are; one more state: the last.
@@ -344,22 +344,24 @@ def _controller(controller: Controller, point: WorkingPoint, period: float, size
     return _System(a, b, out @ a, out @ b)
 
 
-def _prediction(point: WorkingPoint, period: float, inputs: int) -> Floats:
+def _prediction(point: WorkingPoint, period: float, inputs: int, count: int) -> Floats:
     """The Kalman filter's prediction over a period: from lengths, rates, unexplained accelerations and pressures.
 
-    As the core takes it: evaluations at the lengths half a step ahead, as many as the model's fastest motion needs.
+    As the core takes it: ``count`` evaluations at the lengths half a step ahead, or, where that is 0, exactly.
     """
     m = len(point.lengths)
     one, zero, none = np.eye(m), np.zeros((m, m)), np.zeros((m, inputs))
     motion = np.block([[zero, one], [point.by_lengths, point.by_rates]])
-    count = int(np.clip(np.ceil(period * np.abs(np.linalg.eigvals(motion)).max()), 1, 50))
+    rest = np.hstack([np.zeros((m + inputs, 2 * m)), np.eye(m + inputs)])
+    if count == 0:
+        ahead = _held(motion, np.block([[zero, none], [one, point.by_pressures]]), period)
+        return np.vstack([np.hstack(ahead), rest])[: 3 * m]
     step = period / count
     half = step / 2 * one
     rates = np.hstack([zero, one, zero, none]) + step * np.hstack(
         [point.by_lengths, point.by_lengths @ half + point.by_rates, one, point.by_pressures]
     )
     lengths = np.hstack([one, half, zero, none]) + half @ rates
-    rest = np.hstack([np.zeros((m + inputs, 2 * m)), np.eye(m + inputs)])
     return np.linalg.matrix_power(np.vstack([lengths, rates, rest]), count)[: 3 * m]
 
 

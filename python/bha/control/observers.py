@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
+
+from bha.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,12 @@ class KalmanFilter:
     disturbance_noise: float = 10.0
     renewal: int = 0
 
+    def __post_init__(self) -> None:
+        """Check that they are numbers."""
+        _check(self, "length_noise", "pressure_noise", "acceleration_noise", "disturbance_noise")
+        if not isinstance(self.renewal, int) or self.renewal < 0:
+            raise InputError(f"KalmanFilter: renewal is {self.renewal!r}; a whole number from 0 on is needed")
+
     def to_core(self) -> dict[str, Any]:
         """What the core is given."""
         return {"kind": "kalman", **asdict(self)}
@@ -41,9 +50,26 @@ class FilteredDifference:
 
     cutoff: float = 150.0
 
+    def __post_init__(self) -> None:
+        """Check that it is a number."""
+        _check(self, "cutoff")
+
     def to_core(self) -> dict[str, Any]:
         """What the core is given."""
         return {"kind": "difference", "cutoff": self.cutoff}
+
+
+def _check(observer: KalmanFilter | FilteredDifference, *names: str) -> None:
+    """Numbers that are finite and not below zero; the core says where zero is none."""
+    for name in names:
+        value = getattr(observer, name)
+        try:
+            good = math.isfinite(value) and value >= 0
+        except TypeError:
+            good = False
+        if not good:
+            found = repr(value)[:60]
+            raise InputError(f"{type(observer).__name__}: {name} is {found}; a number not below zero is needed")
 
 
 Observer = KalmanFilter | FilteredDifference

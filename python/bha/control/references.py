@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from bha import _core
 from bha.arrays import floats
 from bha.control.limits import Limits
+from bha.control.reach import comfortable_radius, warn_of_reach
 from bha.errors import InputError
 from bha.extras import import_extra
 
@@ -124,12 +125,13 @@ def hold(lengths: ArrayLike, duration: float, *, period: float = 1e-3) -> Refere
     """The same ``lengths`` (3n,), m, for ``duration`` s.
 
     Raises:
-        InputError: ``lengths`` is not a vector, or ``duration`` is negative.
+        InputError: ``lengths`` is not a vector, ``duration`` is negative, ``period`` is not positive, or too many
+            periods.
     """
     row = _vector(lengths, "lengths")
     if not (math.isfinite(duration) and duration >= 0):
         raise InputError(f"duration: {duration}; a number of seconds not below zero is needed")
-    count = max(1, round(duration / period))
+    count = max(1, _rows(duration, period))
     still = np.zeros((count, len(row)))
     return Reference(period, np.tile(row, (count, 1)), still, still.copy())
 
@@ -188,7 +190,8 @@ def tip_path(
     """Along a path of the tip, at rest at both ends, within limits of speed, acceleration and jerk along it.
 
     Lengths are resolved from the tip by ``arm``'s kinematics; what the tip leaves free is used to stay near the middle
-    of the lengths.
+    of the lengths. A :class:`bha.errors.ReferenceWarning` says which part pressures within their limits cannot hold
+    (:func:`bha.control.reachability`).
 
     Args:
         arm: the arm whose tip (head of the last section) is to move.
@@ -214,13 +217,15 @@ def tip_path(
     first = (bounds.shortest + bounds.longest) / 2 if start is None else _vector(start, "start")
     aim = None if directions is None else np.tile(_vector(directions, "directions"), (len(positions), 1))
     lengths = _core.resolved_motion(arm, positions, aim, first, bounds.shortest, bounds.longest)
-    return Reference._through(lengths, period, positions)
+    return warn_of_reach(arm, Reference._through(lengths, period, positions), bounds)
 
 
 def tip_samples(
     arm: Arm, time: ArrayLike, positions: ArrayLike, *, period: float = 1e-3, smoothing: float = 0.06
 ) -> Reference:
     """Through tip positions sampled at irregular times, smoothed as :meth:`Reference.sampled` does.
+
+    A :class:`bha.errors.ReferenceWarning` says which part is out of reach, as for :func:`tip_path`.
 
     Args:
         arm: the arm whose tip (head of the last section) is to move.
@@ -238,7 +243,7 @@ def tip_samples(
     limits = Limits.of(arm)
     middle = (limits.shortest + limits.longest) / 2
     lengths = _core.resolved_motion(arm, tips, None, middle, limits.shortest, limits.longest)
-    return Reference._through(lengths, period, tips)
+    return warn_of_reach(arm, Reference._through(lengths, period, tips), limits)
 
 
 def tip_line(arm: Arm, start: ArrayLike, end: ArrayLike, **options: Any) -> Reference:
@@ -251,35 +256,38 @@ def tip_line(arm: Arm, start: ArrayLike, end: ArrayLike, **options: Any) -> Refe
 
 
 def tip_circle(
-    arm: Arm, radius: float, *, height: float | None = None, turns: float = 1.0, **options: Any
+    arm: Arm, radius: float | None = None, *, height: float | None = None, turns: float = 1.0, **options: Any
 ) -> Reference:
     """A circle of the tip around the base's z axis, ``turns`` times; the rest as for :func:`tip_path`.
 
     Args:
         arm: the arm.
-        radius: m.
+        radius: m; None: 0.7 of the largest at that height that pressures and lengths within their ranges can hold, and
+            at most a fifth of the arm's height.
         height: z of the circle in the base frame, m; None: 5 cm less than the straight arm's at the middle of its
-        lengths.
+            lengths, for arms below half a metre a tenth less.
         turns: how often.
         options: as for :func:`tip_path`.
 
     Raises:
-        InputError: a radius or number of turns that is not positive.
+        InputError: a radius or number of turns that is not positive; no radius given, and the arm reaches no circle.
         ConvergenceError: the circle leaves the arm's reach.
     """
-    if not (radius > 0 and turns > 0):
-        raise InputError(f"radius: {radius}, turns: {turns}; positive numbers are needed")
+    for name, value in (("radius", radius), ("turns", turns), ("height", height)):
+        if value is not None and not (math.isfinite(value) and (value > 0 or name == "height")):
+            raise InputError(f"{name}: {value}; a positive number is needed")
+    limits = options.get("limits") or Limits.of(arm)
     if height is None:
-        limits = Limits.of(arm)
         heads, _ = arm.forward_kinematics((limits.shortest + limits.longest) / 2)
-        height = float(heads[-1, 2]) - 0.05
-    z = height
+        straight = float(heads[-1, 2])
+        height = straight - min(0.05, 0.1 * straight)
+    z, r = height, comfortable_radius(arm, height, limits) if radius is None else float(radius)
 
     def path(s: Floats) -> Floats:
-        angle = s / radius
-        return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, z)])
+        angle = s / r
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)])
 
-    return tip_path(arm, path, 2 * math.pi * radius * turns, **options)
+    return tip_path(arm, path, 2 * math.pi * r * turns, **options)
 
 
 def _jerk_limited(
@@ -291,17 +299,79 @@ def _jerk_limited(
             raise InputError(f"{name}: {value}; a positive number is needed")
     if not (math.isfinite(rest) and rest >= 0):
         raise InputError(f"rest: {rest}; a number of seconds not below zero is needed")
+    duration, at = _fastest(distance, limits)
+    times = np.arange(_rows(duration + rest, period, math.ceil) + 1) * period
+    rows = np.array([at(min(float(t), duration)) for t in times])
+    return rows[:, 0], rows[:, 1], rows[:, 2]
+
+
+#: Relative changes of a distance that are tried in turn: ruckig refuses some distances to the last digits.
+_NUDGES = (0.0, 1e-12, -1e-12, 1e-9, -1e-9, 1e-6)
+
+
+def _fastest(
+    distance: float, limits: tuple[float, float, float]
+) -> tuple[float, Callable[[float], tuple[float, float, float]]]:
+    """Duration, s, and (position, velocity, acceleration) at a time, of the fastest motion over ``distance``.
+
+    Raises:
+        InputError: ruckig finds none.
+    """
+    if distance == 0.0:
+        return 0.0, lambda t: (0.0, 0.0, 0.0)
     ruckig = import_extra("ruckig", extra="control", purpose="A jerk-limited reference")
     wanted = ruckig.InputParameter(1)
-    wanted.target_position = [distance]
     wanted.max_velocity, wanted.max_acceleration, wanted.max_jerk = ([value] for value in limits)
-    motion = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(wanted, motion)
-    if result not in (ruckig.Result.Finished, ruckig.Result.Working):
-        raise InputError(f"distance: {distance}; no jerk-limited motion over it: ruckig says {result}")
-    times = np.arange(math.ceil((motion.duration + rest) / period) + 1) * period
-    rows = np.array([motion.at_time(min(float(t), motion.duration)) for t in times])
-    return rows[:, 0, 0], rows[:, 1, 0], rows[:, 2, 0]
+    reason = ""
+    for nudge in _NUDGES:
+        motion = ruckig.Trajectory(1)
+        wanted.target_position = [distance * (1.0 + nudge)]
+        # At the borders between its profiles ruckig throws, or finds a motion that ends elsewhere, for distances that
+        # are harmless; a hair beside them it does not.
+        try:
+            result = ruckig.Ruckig(1).calculate(wanted, motion)
+            end = motion.at_time(motion.duration)[0][0]
+        except Exception as error:
+            reason = f"{type(error).__name__}: {str(error).splitlines()[0]}" if str(error) else type(error).__name__
+            continue
+        reason = str(result)
+        ok = result in (ruckig.Result.Finished, ruckig.Result.Working) and math.isfinite(motion.duration)
+        if ok and abs(end - distance) <= max(2e-6 * abs(distance), 1e-12):
+            return float(motion.duration), _scaled(motion, distance / end if end else 1.0)
+    raise InputError(
+        f"distance: {distance:g} m; no jerk-limited motion over it within max_velocity {limits[0]:g}, max_acceleration "
+        f"{limits[1]:g} and max_jerk {limits[2]:g}: ruckig says {reason}. Other limits may help"
+    )
+
+
+def _scaled(motion: Any, scale: float) -> Callable[[float], tuple[float, float, float]]:
+    """Position, velocity and acceleration of a motion of ruckig at a time, times a factor."""
+
+    def at(t: float) -> tuple[float, float, float]:
+        position, velocity, acceleration = motion.at_time(t)
+        return scale * position[0], scale * velocity[0], scale * acceleration[0]
+
+    return at
+
+
+def _rows(duration: float, period: float, whole: Callable[[float], int] = round) -> int:
+    """Periods in ``duration``.
+
+    Raises:
+        InputError: a period that is not positive, or more periods than memory could take.
+    """
+    if not (math.isfinite(period) and period > 0):
+        raise InputError(f"period: {period}; a positive number of seconds is needed")
+    if duration / period > _MOST_ROWS:
+        raise InputError(
+            f"reference: {duration:g} s at a period of {period:g} s are {duration / period:.2g} rows, more than "
+            f"{_MOST_ROWS:g}; a longer period, faster limits or a shorter reference"
+        )
+    return whole(duration / period)
+
+
+#: Most rows of a reference.
+_MOST_ROWS = 1e7
 
 
 def _samples(time: ArrayLike, values: ArrayLike, name: str) -> tuple[Floats, Floats]:
@@ -323,6 +393,7 @@ def _spread(time: Floats, rows: Floats, period: float, smoothing: float) -> Floa
         raise InputError(f"period: {period}; a positive number of seconds is needed")
     if not (math.isfinite(smoothing) and smoothing >= 0):
         raise InputError(f"smoothing: {smoothing}; a number of seconds not below zero is needed")
+    _rows(float(time[-1]) + smoothing, period)
     half = round(smoothing / period / 6)
     at = np.arange(-3 * half, math.ceil(time[-1] / period - 1e-9) + 3 * half + 1) * period
     out = np.column_stack([np.interp(at, time, column) for column in rows.T])

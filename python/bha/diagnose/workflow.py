@@ -107,6 +107,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     prediction = holdout.predict(plain_fit.model, plain_fit.x)
     first = Trial((), plain_fit, prediction)
     state = Search(first, first, rules)
+    if any(output.kind == "orientation" for log in logs for output in log.outputs):
+        state.notes.append("orientations of heads take no part in a diagnosis, which weighs all outputs in metres")
     state.notes += [f"{log.name}: {text}" for log in (*logs, *holdout_logs) for text in (*log.notes, *log.findings)]
     state.notes += [
         f"{r.name}: counts from {r.time[0]:.1f} s on, where the arm rests under its commands"

@@ -82,8 +82,11 @@ def identify_command(
     if plot:
         figures = _write_figures(result, (out or logs[0]).with_suffix(""))
     if as_json:
-        print_json(result.summary())
+        print_json(result.summary() | {"recordings": [recording.to_mapping() for recording in read]})
     else:
+        for recording in read:
+            for text in recording.notes:
+                say(f"{recording.name}: {text}")
         _show(result)
         if out is not None:
             click.echo(f"written: {out}")

@@ -1,11 +1,12 @@
-"""Figures (extra ``plot``): of trajectories, shapes and errors; vector files or pictures."""
+"""Figures (extra ``plot``): of trajectories, shapes, errors and checks; vector files or pictures."""
 
 from __future__ import annotations
 
+from bha.plot.checkup import plot_checkup
 from bha.plot.errors import plot_errors
 from bha.plot.shape import plot_shape
 from bha.plot.style import write_figure
 from bha.plot.tracking import plot_tracking
 from bha.plot.trajectories import plot_trajectories
 
-__all__ = ["plot_errors", "plot_shape", "plot_tracking", "plot_trajectories", "write_figure"]
+__all__ = ["plot_checkup", "plot_errors", "plot_shape", "plot_tracking", "plot_trajectories", "write_figure"]

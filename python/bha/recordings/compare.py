@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from bha.errors import InputError
 from bha.recordings.interpolation import akima
+from bha.recordings.outputs import Observation, observe
 from bha.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.log import Log
     from bha.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -77,32 +80,51 @@ def as_trajectory(recording: Recording) -> Trajectory:
 
     Velocities, and whatever was not measured, are NaN. Delays, gains and offsets of sensors are not taken back.
     """
-    n, rows = recording.arm.section_count, len(recording)
     shown = np.where(recording.usable, recording.measured, np.nan)
-    observation = recording.observation
-    lengths = np.full((rows, 3 * n), np.nan)
-    for section in range(n):
-        own = slice(3 * section, 3 * section + 3)
-        inside = np.flatnonzero(np.any(observation.rows[:, own] != 0.0, axis=1))
-        elsewhere = np.delete(observation.rows, np.arange(3 * section, 3 * section + 3), axis=1)
-        inside = inside[~np.any(elsewhere[inside] != 0.0, axis=1)]
-        table = observation.rows[inside][:, own]
-        if len(inside) >= 3 and int(np.linalg.matrix_rank(table)) == 3:
-            values = shown[:, inside] - observation.offsets[inside]
-            lengths[:, own] = np.linalg.lstsq(table, np.nan_to_num(values).T, rcond=None)[0].T
-            lengths[np.any(np.isnan(values), axis=1), own] = np.nan
-    heads = np.full((rows, n, 3), np.nan)
-    for k, output in enumerate(recording.outputs):
-        if output.kind == "position":
-            heads[:, output.section - 1, output.number - 1] = shown[:, k]
+    lengths = coordinates(recording.observation, shown)
     drive = recording.drive
     return Trajectory(
         time=recording.time,
         lengths=lengths,
         velocities=np.full_like(lengths, np.nan),
         pressures=drive.pressures[recording.drive_rows],
-        head_positions=observation.camera.base_positions(heads),
+        head_positions=head_positions(recording.observation, shown),
         input_names=recording.arm.inputs,
         statistics={},
         arm_name=recording.arm.name,
     )
+
+
+def coordinates(observation: Observation, shown: Array) -> Array:
+    """The arm's coordinates that measured lengths (m, C) tell, m, shape (m, 3n); NaN where they do not."""
+    lengths = np.full((len(shown), observation.rows.shape[1]), np.nan)
+    for first in range(0, lengths.shape[1], 3):
+        own = slice(first, first + 3)
+        inside = np.any(observation.rows[:, own] != 0.0, axis=1)
+        elsewhere = np.any(np.delete(observation.rows, np.arange(first, first + 3), axis=1) != 0.0, axis=1)
+        used = np.flatnonzero(inside & ~elsewhere)
+        table = observation.rows[used][:, own]
+        if len(used) >= 3 and int(np.linalg.matrix_rank(table)) == 3:
+            values = shown[:, used] - observation.offsets[used]
+            lengths[:, own] = np.linalg.lstsq(table, np.nan_to_num(values).T, rcond=None)[0].T
+            lengths[np.any(np.isnan(values), axis=1), own] = np.nan
+    return lengths
+
+
+def head_positions(observation: Observation, shown: Array) -> Array:
+    """Positions of the heads in the base frame out of measured outputs (m, C), m, shape (m, n, 3); NaN elsewhere."""
+    heads = np.full((len(shown), observation.rows.shape[1] // 3, 3), np.nan)
+    for k, output in enumerate(observation.outputs):
+        if output.kind == "position":
+            heads[:, output.section - 1, output.number - 1] = shown[:, k]
+    return observation.camera.base_positions(heads)
+
+
+def shown_by(arm: Arm, log: Log, origin: str) -> tuple[Array, Array]:
+    """Coordinates (m, 3n) and head positions (m, n, 3) of a log that need not say what drives the arm: a reference.
+
+    Raises:
+        LogError: a name that the arm's layout contradicts.
+    """
+    observation, measured, _ = observe(arm, log, origin)
+    return coordinates(observation, measured), head_positions(observation, measured)

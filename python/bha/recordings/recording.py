@@ -295,8 +295,11 @@ def recordings(
     *,
     pressures: PressureSort | None = None,
     missing: bool = False,
+    warn: bool = True,
 ) -> list[Recording]:
     """Recordings of several logs by one arm, all with the same sort of pressures: that of the first, if not asked for.
+
+    ``warn`` says whether to warn of what each finds.
 
     Raises:
         InputError: there is no log, or a recording is of another arm.
@@ -311,7 +314,7 @@ def recordings(
                 raise InputError(f"{item.name}: a recording of {item.arm.name}, not of {arm.name}")
             made.append(item)
         else:
-            made.append(Recording(arm, item, pressures=pressures, missing=missing))
+            made.append(Recording(arm, item, pressures=pressures, missing=missing, warn=warn))
         pressures = pressures or made[0].pressures.sort
     return made
 

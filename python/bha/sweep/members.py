@@ -114,7 +114,8 @@ def _rest(plan: Plan, drive: Input, draw: Array) -> Input | None:
     _check_pressures(plan, pressures[None, :], "the initial state")
     forces = None if drive.forces is None else np.repeat(drive.forces[:1], 2, axis=0)
     start = float(drive.time[0])
-    return Input(np.array([start, start + 1.0]), np.vstack([pressures, pressures]), forces, drive.commanded)
+    time, both = np.array([start, start + 1.0]), np.vstack([pressures, pressures])
+    return Input(time, both, forces, drive.commanded, drive.interpolation)
 
 
 def _check_pressures(plan: Plan, pressures: Array, where: str) -> None:

@@ -121,12 +121,12 @@ class SimulationTable(Table):
 
     duration: Positive | None = key("a number > 0 (s); left out: the whole log", unit="s", default=None)
     dt: Positive = key("a number > 0 (s): distance of the rows that metrics see", unit="s", default=0.005)
-    method: Method = key('"dopri5", "rk4" or "ros2"', default="dopri5")
+    method: Method = key('"auto", "dopri5", "rodas4", "rk4" or "ros2"', default="auto")
     step: Positive = key("a number > 0 (s): longest step of rk4 and ros2", unit="s", default=1e-3)
-    rtol: Positive = key("a number > 0: relative tolerance of dopri5", default=1e-6)
-    atol: Positive = key("a number > 0 (m and m/s): absolute tolerance of dopri5", default=1e-8)
+    rtol: Positive = key("a number > 0: relative tolerance of dopri5 and rodas4", default=1e-6)
+    atol: Positive = key("a number > 0 (m and m/s): absolute tolerance of dopri5 and rodas4", default=1e-8)
     max_steps: Count = key("a whole number >= 1: a run that needs more steps has diverged", default=1_000_000)
-    interpolation: Interpolation = key('"linear" or "hold"', default="linear")
+    interpolation: Interpolation | None = key('"linear" or "hold"; left out: as the input says', default=None)
     instruction_set: InstructionSet | None = key(
         ", ".join(f'"{name}"' for name in get_args(InstructionSet))
         + "; left out: the widest one of the computer that starts the sweep",

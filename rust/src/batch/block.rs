@@ -3,6 +3,7 @@
 //! A lane that diverges is parked: its member's rows end, and it is put back to where it started after every step, so that
 //! it costs nothing and can disturb nobody.
 
+use super::sequences::Sequences;
 use super::{Batch, Member, Slot};
 use crate::abreast::{abreast, same_structure};
 use crate::arm::Arm;
@@ -16,6 +17,7 @@ use crate::plant::Plant;
 use crate::real::lanes::AnyLanes;
 use crate::real::{Kernel, Real, all_finite};
 use crate::simulate::initial_state;
+use crate::stiffness::explained;
 use std::marker::PhantomData;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,7 +34,7 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
             });
     // Where starts differ, the block's clock is nobody's: nothing may ask what time it is.
     let timeless = |arm: &Arm| arm.effects.list.iter().all(|e| e.definition.program.is_none());
-    let same_clock = a.start == b.start
+    let same_clock = a.start == b.start && inputs.0.origin() == inputs.1.origin()
         || timeless(arms.0) && timeless(arms.1) && inputs.0.jumps().is_empty() && inputs.1.jumps().is_empty();
     let same_input =
         a.input == b.input || inputs.0.force_count() == inputs.1.force_count() && inputs.0.jumps() == inputs.1.jumps();
@@ -45,6 +47,7 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
 pub(super) struct Block<'a, 'b> {
     pub batch: &'a Batch<'a>,
     pub members: Vec<(&'a Member<'a>, Slot<'b>)>,
+    pub sequences: &'a Sequences,
     pub stop: &'a AtomicBool,
 }
 
@@ -52,28 +55,28 @@ impl AnyLanes for Block<'_, '_> {
     type Output = ();
 
     fn with<T: Real>(self) {
-        let Self { batch, members, stop } = self;
+        let Self { batch, members, sequences, stop } = self;
         // Whoever cannot start, or starts where no simulation may be, says so alone.
         let (mut ready, mut states) = (Vec::new(), Vec::new());
         for (member, slot) in members {
             let (arm, input) = (&batch.arms[member.arm], &batch.inputs[member.input]);
             let state = match member.state {
                 Some(x) => Ok(x.to_vec()),
-                None => initial_state(arm, input, member.start, None, None),
+                None => initial_state(arm, input, member.start - input.origin(), None, None),
             };
             match state {
                 Ok(x) if T::LANES > 1 && Plant::new(arm.clone(), input.clone()).objection(&x).is_none() => {
                     ready.push((member, slot));
                     states.push(x);
                 }
-                _ => batch.run_member(member, slot, stop),
+                _ => batch.run_member(member, slot, sequences, stop),
             }
         }
         for (members, states) in in_lanes(ready, T::LANES).zip(states.chunks(T::LANES)) {
             if members.len() == 1 {
-                members.into_iter().for_each(|(member, slot)| batch.run_member(member, slot, stop));
+                members.into_iter().for_each(|(member, slot)| batch.run_member(member, slot, sequences, stop));
             } else {
-                run_abreast(PhantomData::<T>, batch, members, states, stop);
+                run_abreast(PhantomData::<T>, batch, members, states, (sequences, stop));
             }
         }
     }
@@ -94,19 +97,21 @@ fn run_abreast<'m, T: Real>(
     batch: &Batch<'_>,
     mut members: Vec<(&'m Member<'m>, Slot<'_>)>,
     states: &[Vec<f64>],
-    stop: &AtomicBool,
+    (sequences, stop): (&Sequences, &AtomicBool),
 ) {
     let used = members.len();
     let first = members[0].0;
+    // When members start, on their inputs' clocks.
+    let local = |m: &Member<'_>| m.start - batch.inputs[m.input].origin();
     let same_input = members.iter().all(|(m, _)| m.start == first.start && m.input == first.input);
     let arms: Vec<&Arm> = members.iter().map(|(m, _)| &*batch.arms[m.arm]).collect();
     let arm = Arc::new(if arms.iter().all(|a| std::ptr::eq(*a, arms[0])) { arms[0].lift() } else { abreast(&arms) });
     let x0: Vec<T> = (0..states[0].len()).map(|j| T::from_lanes(|k| states[k.min(used - 1)][j])).collect();
-    // On the members' own clock where all start at the same time, else on one that starts at 0.
-    let start = if members.iter().all(|(m, _)| m.start == first.start) { first.start } else { 0.0 };
+    // On the inputs' own clock where all start at the same time, else on one that starts at 0.
+    let start = if members.iter().all(|(m, _)| local(m) == local(first)) { local(first) } else { 0.0 };
     let drive = |k: usize| {
         let member = members[k.min(used - 1)].0;
-        (batch.inputs[member.input].clone(), member.start - start)
+        (batch.inputs[member.input].clone(), local(member) - start)
     };
     let inputs = (0..if same_input { 1 } else { T::LANES }).map(drive).collect();
     let times: Vec<f64> = first.times.iter().map(|t| t - first.start + start).collect();
@@ -118,9 +123,14 @@ fn run_abreast<'m, T: Real>(
         failures: vec![None; used],
         clocks: members.iter().map(|(m, _)| m.start - start).collect(),
         any: false,
+        weight: T::one(),
     };
+    let mut integrator = Integrator::new(options, start, &x0);
+    if let Some(steps) = sequences.of(batch, first, stop) {
+        integrator = integrator.following(steps.from(start));
+    }
     let run = Run {
-        integrator: Integrator::new(options, start, &x0),
+        integrator,
         links: vec![Link::base(); arm.sections.len()],
         arm: &arm,
         system,
@@ -130,6 +140,12 @@ fn run_abreast<'m, T: Real>(
         stop,
     };
     T::enter(run);
+    for ((member, slot), x) in members.into_iter().zip(states) {
+        if let Some(error) = slot.failure.take() {
+            let (arm, input) = (&batch.arms[member.arm], &batch.inputs[member.input]);
+            *slot.failure = Some(explained(error, options, arm, input, local(member), x));
+        }
+    }
 }
 
 /// A block's run as a kernel.
@@ -195,18 +211,10 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
         }
         let statistics = integrator.statistics();
         for (k, (_, slot)) in members.iter_mut().enumerate() {
-            let common = result.as_ref().err().map(|e| on_clock(e.clone(), system.clocks[k]));
+            let common = result.as_ref().err().map(|e| e.clone().on_clock(system.clocks[k]));
             *slot.failure = system.failures[k].take().or(common);
             *slot.statistics = statistics;
         }
-    }
-}
-
-/// The error with its time on a member's clock.
-fn on_clock(error: Error, clock: f64) -> Error {
-    match error {
-        Error::Simulation { time, reason } => Error::Simulation { time: time + clock, reason },
-        other => other,
     }
 }
 
@@ -220,6 +228,8 @@ struct Parking<T> {
     /// What to add to the plant's clock for each lane's own.
     clocks: Vec<f64>,
     any: bool,
+    /// 1 in lanes that go on, 0 in others.
+    weight: T,
 }
 
 impl<T: Real> Parking<T> {
@@ -248,7 +258,14 @@ impl<T: Real> Parking<T> {
             let reason = if finite { self.plant.objection(&only) } else { Some(NOT_FINITE.to_owned()) };
             self.failures[k] = reason.map(|reason| Error::Simulation { time: t0 + self.clocks[k], reason });
         }
+        self.weigh();
+    }
+
+    /// Notes which lanes have failed.
+    fn weigh(&mut self) {
         self.any = true;
+        let last = self.failures.len() - 1;
+        self.weight = T::from_lanes(|k| if self.failures[k.min(last)].is_some() { 0.0 } else { 1.0 });
     }
 }
 
@@ -267,6 +284,29 @@ impl<T: Real> System<T> for Parking<T> {
     }
     fn next_break(&mut self, t: f64) -> f64 {
         self.plant.next_break(t)
+    }
+    fn next_bend(&mut self, t: f64) -> f64 {
+        self.plant.next_bend(t)
+    }
+    #[inline(always)]
+    fn is_second_order(&self) -> bool {
+        true
+    }
+    #[inline(always)]
+    fn weight(&self) -> T {
+        self.weight
+    }
+    #[cold]
+    #[inline(never)]
+    fn forgo(&mut self, _t: f64, x: &mut [T], error: T, reason: &Error) -> bool {
+        for (k, failure) in self.failures.iter_mut().enumerate() {
+            if failure.is_none() && error.lane(k) > 1.0 {
+                *failure = Some(reason.clone().on_clock(self.clocks[k]));
+            }
+        }
+        self.weigh();
+        self.park(x);
+        self.failures.iter().any(Option::is_none)
     }
     #[inline(always)]
     fn inspect(&mut self, t0: f64, x1: &mut [T]) -> Option<String> {
@@ -330,6 +370,7 @@ mod tests {
             members: &[],
             options: Options::default(),
             channels: Channels::default(),
+            shared_steps: false,
             instruction_set: InstructionSet::Scalar,
         };
         let member = |arm, input, times: &'static [f64]| Member { arm, input, start: times[0], state: None, times };

@@ -1,12 +1,15 @@
 //! Many simulations at once: arms (parameter sets), inputs, windows of a log, over threads.
 //!
 //! Members that take the same steps are computed abreast, in the lanes of the processor's widest instruction set; which
-//! ones does not depend on the threads, so the result does not either. Lanes agree with single simulations to rounding.
+//! ones does not depend on the threads, so the result does not either. Lanes agree with single simulations to rounding
+//! where steps are of a fixed length or those of another member, else to the tolerance: the worst lane controls them.
 //! A member that cannot go on keeps its place: NaN from its failure on and the error as its status.
 
 mod block;
+mod sequences;
 
 use self::block::{Block, can_share};
+use self::sequences::Sequences;
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
@@ -15,7 +18,8 @@ use crate::integrate::{Method, Options, Statistics};
 use crate::kinematics::section::Pose;
 use crate::memory::filled;
 use crate::real::lanes::{InstructionSet, dispatch};
-use crate::simulate::Simulation;
+use crate::simulate::{Simulation, initial_state};
+use crate::stiffness::Fastest;
 use crate::watch::watched;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -81,13 +85,18 @@ pub struct Batch<'a> {
     pub options: Options,
     /// What is kept beside the lengths.
     pub channels: Channels,
-    /// What computes members abreast; single members where this processor lacks it, and for adaptive methods, since there
-    /// every member takes its own steps.
+    /// Whether members that can be abreast take the steps that the first of them takes alone, all of them: an adaptive
+    /// method's choice of steps is then no difference between members. The error is controlled for the first.
+    pub shared_steps: bool,
+    /// What computes members abreast; single members where this processor lacks it, and for [`Method::DormandPrince54`]
+    /// by name, where every member takes its own steps unless they are shared.
     pub instruction_set: InstructionSet,
 }
 
 /// Most blocks that wait for more members.
 const MOST_OPEN: usize = 64;
+/// Arms that are looked at to choose a method.
+const MOST_JUDGED: usize = 16;
 
 impl Batch<'_> {
     /// Runs all members over `threads` threads (0: as many as there are cores).
@@ -99,6 +108,38 @@ impl Batch<'_> {
     /// Errors of single members are their status.
     pub fn run(&self, threads: usize, watch: &mut impl FnMut(usize) -> bool) -> Result<BatchRows> {
         let columns = self.check()?;
+        let chosen = Batch { options: self.chosen(), ..*self };
+        chosen.run_checked(columns, self.options.method == Method::Auto, threads, watch)
+    }
+
+    /// The options with a method chosen, the same for all members: differences between them must not be differences
+    /// between methods. The implicit one if an arm of the batch is stiff.
+    fn chosen(&self) -> Options {
+        if self.options.method != Method::Auto {
+            return self.options;
+        }
+        let mut first: Vec<Option<&Member<'_>>> = vec![None; self.arms.len()];
+        for member in self.members {
+            first[member.arm].get_or_insert(member);
+        }
+        let first: Vec<_> = first.into_iter().flatten().collect();
+        let is_stiff = |m: &&Member<'_>| {
+            let (arm, input) = (&self.arms[m.arm], &self.inputs[m.input]);
+            let start = m.start - input.origin();
+            let state = m.state.map_or_else(|| initial_state(arm, input, start, None, None).ok(), |x| Some(x.to_vec()));
+            state.and_then(|x| Fastest::at(arm, input, start, &x)).is_some_and(Fastest::is_stiff)
+        };
+        let stiff = first.iter().step_by(first.len().div_ceil(MOST_JUDGED).max(1)).any(is_stiff);
+        Options { method: if stiff { Method::Rodas4 } else { Method::DormandPrince54 }, ..self.options }
+    }
+
+    fn run_checked(
+        &self,
+        columns: usize,
+        free: bool,
+        threads: usize,
+        watch: &mut impl FnMut(usize) -> bool,
+    ) -> Result<BatchRows> {
         let rows = self.members.iter().map(|m| m.times.len()).max().unwrap_or(0);
         let block = rows * columns;
         let nan = |wanted: bool, columns: usize, what: &str| {
@@ -122,7 +163,8 @@ impl Batch<'_> {
             .build()
             .map_err(|e| Error::Input(format!("threads: {threads}; {e}")))?;
         let (stop, done) = (AtomicBool::new(false), AtomicUsize::new(0));
-        let blocks = self.blocks(self.slots(&mut out, block), &stop);
+        let sequences = Sequences::default();
+        let blocks = self.blocks(self.slots(&mut out, block), free, &sequences, &stop);
         let work = || {
             pool.install(|| {
                 blocks.into_par_iter().with_max_len(1).for_each(|block| {
@@ -158,16 +200,22 @@ impl Batch<'_> {
     }
 
     /// The members in blocks that can be abreast.
-    fn blocks<'b>(&'b self, slots: Vec<Slot<'b>>, stop: &'b AtomicBool) -> Vec<Block<'b, 'b>> {
-        let fixed_step = self.options.method != Method::DormandPrince54;
-        let usable = fixed_step && self.instruction_set.is_available();
+    fn blocks<'b>(
+        &'b self,
+        slots: Vec<Slot<'b>>,
+        free: bool,
+        sequences: &'b Sequences,
+        stop: &'b AtomicBool,
+    ) -> Vec<Block<'b, 'b>> {
+        let own_steps = self.options.method == Method::DormandPrince54 && !free && !self.shared_steps;
+        let usable = !own_steps && self.instruction_set.is_available();
         let width = if usable { self.instruction_set.lanes() } else { 1 };
         let mut full = Vec::new();
         let mut open: Vec<Block<'b, 'b>> = Vec::new();
         for (member, slot) in self.members.iter().zip(slots) {
             let place = open.iter().position(|b| width > 1 && can_share(self, b.members[0].0, member));
             let index = place.unwrap_or_else(|| {
-                open.push(Block { batch: self, members: Vec::with_capacity(width), stop });
+                open.push(Block { batch: self, members: Vec::with_capacity(width), sequences, stop });
                 open.len() - 1
             });
             open[index].members.push((member, slot));
@@ -183,17 +231,26 @@ impl Batch<'_> {
         full
     }
 
-    fn run_member(&self, member: &Member<'_>, slot: Slot<'_>, stop: &AtomicBool) {
+    /// A member by itself.
+    fn alone(&self, member: &Member<'_>) -> Result<Simulation> {
         let (arm, input) = (self.arms[member.arm].clone(), self.inputs[member.input].clone());
         let halves = member.state.map(|x| x.split_at(x.len() / 2));
         let (q, qd) = (halves.map(|h| h.0), halves.map(|h| h.1));
-        let mut simulation = match Simulation::new(arm, input, self.options, member.start, q, qd) {
+        Simulation::new(arm, input, self.options, member.start, q, qd)
+    }
+
+    fn run_member(&self, member: &Member<'_>, slot: Slot<'_>, sequences: &Sequences, stop: &AtomicBool) {
+        let mut simulation = match self.alone(member) {
             Ok(simulation) => simulation,
             Err(error) => {
                 *slot.failure = Some(error);
                 return;
             }
         };
+        if let Some(ends) = sequences.of(self, member, stop) {
+            let start = member.start - self.inputs[member.input].origin();
+            simulation = simulation.following(ends.from(start));
+        }
         let (rows, result) = simulation.advance(member.times, &mut || stop.load(Ordering::Relaxed));
         let read = |is: Vec<f64>, read: Vec<f64>| if self.channels.measured && !read.is_empty() { read } else { is };
         for (to, from) in [

@@ -144,7 +144,8 @@ impl Controller {
     /// One period: from measured lengths (m) and pressures (Pa absolute) to commanded pressures `out`.
     ///
     /// # Errors
-    /// [`Error::Convergence`] if the observer has no gain there, [`Error::Input`] if the measurement makes it diverge.
+    /// [`Error::Convergence`] if the observer has no gain there, or where an estimate or a pressure is no longer finite, with
+    /// the cause.
     pub fn step(&mut self, lengths: &[f64], pressures: &[f64], target: Target<'_>, out: &mut [f64]) -> Result<()> {
         if !self.started {
             self.law.reset(pressures);
@@ -162,6 +163,18 @@ impl Controller {
         let state =
             State { q: self.observer.lengths(), qd: self.observer.rates(), disturbance: self.observer.disturbance() };
         let wants = self.law.evaluate(arm, state, target, &self.at_limit, ws);
+        let time = self.time - self.parameters.period;
+        let not_finite = |what: &str| {
+            Err(Error::Convergence(format!(
+                "at t = {time} s {what} no longer finite although what is measured and estimated is: the gains are too high \
+                 for this period, or the reference lies beyond what the model allows"
+            )))
+        };
+        // The allocation would answer what is not a number with the pressures of the period before.
+        let by_force = wants != Output::Pressures || self.law.adds_to_force();
+        if by_force && !self.law.tau.iter().chain(&self.law.pose).all(|x| x.is_finite()) {
+            return not_finite("the force that the controller wants is");
+        }
         match wants {
             Output::Force => self.allocation.solve(arm, state.q, &self.law.tau, ws, &mut self.wanted),
             Output::ForceAtPose => self.allocation.solve(arm, &self.law.pose, &self.law.tau, ws, &mut self.wanted),
@@ -174,9 +187,7 @@ impl Controller {
             Output::Pressures => self.wanted.copy_from_slice(&self.law.pressures),
         }
         if !self.wanted.iter().all(|p| p.is_finite()) {
-            return Err(Error::Input(
-                "the controller's pressures are no longer finite; its gains may be too high".to_owned(),
-            ));
+            return not_finite("the controller's pressures are");
         }
         let ControllerParameters { period, lead_time, limits, .. } = &self.parameters;
         let leads = *lead_time > 0.0 && self.law.feed_forward(arm, target, ws);

@@ -1,9 +1,12 @@
 //! Rates of the lengths from length sensors, since real arms measure lengths and pressures only.
 //!
-//! `kalman`: prediction by the full model under the measured pressures (steps short against its fastest
-//! motion, one a period for the nominal arm at 1 kHz; one evaluation each, at the lengths half a step ahead), correction by a steady-state gain from the linearization at a working point (exact derivatives,
-//! [`super::linearization`]; Riccati equation, [`super::riccati`]), renewed at the present estimate every so many
-//! periods if wanted. Beside lengths and rates it estimates a slowly wandering acceleration that the model does not
+//! `kalman`: prediction by the full model under the measured pressures, correction by a steady-state gain from the
+//! linearization at a working point (exact derivatives, [`super::linearization`]; Riccati equation, [`super::riccati`]),
+//! renewed at the present estimate every so many periods if wanted. The prediction takes steps short against the model's
+//! fastest motion (one a period for the nominal arm at 1 kHz; one evaluation each, at the lengths half a step ahead). Where
+//! that would be more than some tens, since the arm's damping outweighs its masses, it takes the period in one step of the
+//! exponential Rosenbrock-Euler method (Hochbruck & Ostermann, Acta Numerica 19 (2010) 209, sec. 2.4), exact for a linear
+//! arm, of second order and stable for any: x + h phi_1(h J) f(x), J the exact Jacobian at the estimate. Beside lengths and rates it estimates a slowly wandering acceleration that the model does not
 //! explain (a random walk), so that a wrong model biases that and not the rates.
 //! `difference`: differences of the lengths through a first-order low pass; needs no model.
 //! Units: lengths m, rates m/s, unexplained acceleration m/s^2.
@@ -14,6 +17,7 @@ use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::error::{Error, Result};
+use crate::stepping::fastest;
 use nalgebra::DMatrix;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -42,7 +46,7 @@ pub enum ObserverParameters {
     },
 }
 
-/// Most evaluations of the model a period: beyond, the arm is too stiff for its control period anyway.
+/// Most evaluations of the model a period: beyond, one exponential step costs less.
 const MOST_SUBSTEPS: usize = 50;
 
 /// An observer under way.
@@ -62,7 +66,7 @@ pub struct Observer {
     acceleration: Vec<f64>,
     started: bool,
     since_renewal: u32,
-    /// Evaluations of the model a period.
+    /// Evaluations of the model a period; 0: one exponential step.
     substeps: usize,
     time: f64,
 }
@@ -146,11 +150,34 @@ impl Observer {
         &self.gain
     }
 
+    /// Evaluations of the model a period with which the Kalman filter predicts; 0 where it takes one exponential step.
+    pub fn substeps(&self) -> usize {
+        self.substeps
+    }
+
     /// Takes the measurement of a period: lengths (m) and pressures (Pa absolute).
     ///
     /// # Errors
-    /// [`Error::Convergence`] if there is no gain at the working point.
+    /// [`Error::Convergence`] if there is no gain at the working point, or where the estimate is no longer finite.
     pub fn update(&mut self, lengths: &[f64], pressures: &[f64]) -> Result<()> {
+        self.take(lengths, pressures)?;
+        if self.estimate.iter().all(|x| x.is_finite()) {
+            return Ok(());
+        }
+        let (time, period) = (self.time, self.period);
+        Err(Error::Convergence(match self.parameters {
+            ObserverParameters::Kalman { .. } => format!(
+                "at t = {time} s the observer's estimate is no longer finite: the Kalman filter's model has left what it is \
+                 good for, at a period of {period} s; a shorter period, gains that lead the arm more calmly, or \
+                 FilteredDifference as observer"
+            ),
+            ObserverParameters::Difference { .. } => {
+                format!("at t = {time} s the observer's estimate is no longer finite: the measured lengths are not")
+            }
+        }))
+    }
+
+    fn take(&mut self, lengths: &[f64], pressures: &[f64]) -> Result<()> {
         let m = lengths.len();
         if !self.started {
             self.started = true;
@@ -199,9 +226,12 @@ impl Observer {
         for (mean, p) in self.pressures.iter_mut().zip(pressures) {
             *mean = if ideal { *p } else { 0.5 * (*mean + p) };
         }
+        if self.substeps == 0 {
+            self.leap();
+        }
         let (q, rest) = self.estimate.split_at_mut(m);
         let (qd, disturbance) = rest.split_at_mut(m);
-        let h = h / self.substeps as f64;
+        let h = h / self.substeps.max(1) as f64;
         for step in 0..self.substeps {
             for k in 0..m {
                 self.middle[k] = q[k] + 0.5 * h * qd[k];
@@ -220,6 +250,35 @@ impl Observer {
         self.pressures.copy_from_slice(pressures);
     }
 
+    /// One exponential step over the period.
+    fn leap(&mut self) {
+        let (m, h) = (self.previous.len(), self.period);
+        // Beyond what the model allows the Jacobian means nothing, and its exponential might not end.
+        if !self.estimate.iter().all(|x| x.is_finite()) {
+            return;
+        }
+        let (q, rest) = self.estimate.split_at_mut(m);
+        let (qd, disturbance) = rest.split_at_mut(m);
+        self.ws.effects.time = self.time;
+        forward_dynamics_into(&self.arm, q, qd, &self.pressures, None, &mut self.ws, &mut self.acceleration);
+        let linear = linearize(&self.arm, q, qd, &self.pressures);
+        let mut block = DMatrix::zeros(2 * m + 1, 2 * m + 1);
+        block.view_mut((0, 0), (2 * m, 2 * m)).copy_from(&(linear.state * h));
+        for k in 0..m {
+            block[(k, 2 * m)] = h * qd[k];
+            block[(m + k, 2 * m)] = h * (self.acceleration[k] + disturbance[k]);
+        }
+        if !block.iter().all(|x| x.is_finite()) {
+            self.estimate.fill(f64::NAN);
+            return;
+        }
+        let moved = block.exp();
+        for k in 0..m {
+            q[k] += moved[(k, 2 * m)];
+            qd[k] += moved[(m + k, 2 * m)];
+        }
+    }
+
     /// The gain at the present estimate.
     fn renew(&mut self) -> Result<()> {
         let ObserverParameters::Kalman { length_noise, pressure_noise, acceleration_noise, disturbance_noise, .. } =
@@ -229,9 +288,17 @@ impl Observer {
         };
         let (m, h) = (self.previous.len(), self.period);
         let linear = linearize(&self.arm, self.lengths(), self.rates(), &self.pressures);
-        // The prediction is explicit: its steps must be short against the arm's fastest motion, damping included.
-        let fastest = linear.state.complex_eigenvalues().iter().fold(0.0_f64, |m, z| m.max(z.norm()));
-        self.substeps = ((h * fastest).ceil() as usize).clamp(1, MOST_SUBSTEPS);
+        let fastest = fastest(&linear.state);
+        if !fastest.is_finite() {
+            return Err(Error::Convergence(format!(
+                "at t = {} s the observer's model has no finite derivatives at the measured lengths; check that they are \
+                 within the arm's length_range",
+                self.time
+            )));
+        }
+        // Explicit steps must be short against the arm's fastest motion, damping included.
+        let needed = (h * fastest).ceil().max(1.0);
+        self.substeps = if needed > MOST_SUBSTEPS as f64 { 0 } else { needed as usize };
         let (a_d, b_d) = linear.discretized(h);
         let mut a = DMatrix::identity(3 * m, 3 * m);
         a.view_mut((0, 0), (2 * m, 2 * m)).copy_from(&a_d);

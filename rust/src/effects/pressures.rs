@@ -152,6 +152,18 @@ impl<T: Real> PressureChain<T> {
         self.values.copy_from_slice(&self.next);
     }
 
+    /// The outputs of all stages at the end of the last accepted step.
+    pub fn committed(&self) -> &[T] {
+        &self.start_values
+    }
+
+    /// Goes on at `t` from outputs as [`PressureChain::committed`] gives them.
+    pub fn resume(&mut self, t: f64, outputs: &[T]) {
+        self.start_values.copy_from_slice(outputs);
+        self.values.copy_from_slice(outputs);
+        (self.start, self.time) = (t, T::from_f64(t));
+    }
+
     /// How far back the delays reach, s.
     pub fn horizon(&self) -> f64 {
         self.delays.iter().flatten().fold(0.0, |m: f64, d| m.max(d.largest()))

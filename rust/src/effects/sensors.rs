@@ -70,6 +70,31 @@ impl<T: Real> Sensors<T> {
         self.states.push_back(row);
     }
 
+    /// The lanes that `which` says have rested at `x` since ever.
+    pub fn restart(&mut self, which: impl Fn(usize) -> bool + Copy, x: &[T]) {
+        for row in &mut self.states {
+            for (old, new) in row.iter_mut().zip(x) {
+                *old = T::from_lanes(|k| if which(k) { new.lane(k) } else { old.lane(k) });
+            }
+        }
+    }
+
+    /// Calls `elapsed` s after the clock's present zero its new one.
+    pub fn rewind(&mut self, elapsed: f64) {
+        self.times.iter_mut().for_each(|t| *t -= elapsed);
+    }
+
+    /// What is remembered: times, oldest first, and the states then, one after the other.
+    pub fn remembered(&self) -> (Vec<f64>, Vec<T>) {
+        (self.times.iter().copied().collect(), self.states.iter().flatten().copied().collect())
+    }
+
+    /// Goes on from what [`Sensors::remembered`] gave; `size` numbers a state.
+    pub fn resume(&mut self, times: &[f64], states: &[T], size: usize) {
+        self.times = times.iter().copied().collect();
+        self.states = states.chunks_exact(size).map(<[T]>::to_vec).collect();
+    }
+
     /// Measured lengths at `t`, where the state is `x`, into `out`.
     pub fn measure(&self, arm: &Arm<T>, t: f64, x: &[T], out: &mut [T]) {
         for (j, length) in out.iter_mut().enumerate() {

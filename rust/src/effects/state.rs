@@ -35,7 +35,7 @@ pub struct Instant<'a, T> {
     pub bellows_force: &'a mut [T],
     /// Loads of each section.
     pub loads: &'a mut [Load<T>],
-    /// Time, s.
+    /// Time on the caller's clock, s.
     pub time: f64,
     /// Time since the step began, s; none outside a simulation, where hidden states are at rest.
     pub elapsed: Option<f64>,
@@ -44,8 +44,10 @@ pub struct Instant<'a, T> {
 /// Work space of the effects of one arm, and their hidden states.
 #[derive(Clone, Debug)]
 pub struct EffectState<T> {
-    /// Time of the instant, s (formulas read it).
+    /// Time of the instant, s.
     pub time: f64,
+    /// The caller's clock minus the plant's, s (formulas read the caller's).
+    pub clock: f64,
     start: Option<f64>,
     pub(crate) bellows: Vec<BellowsState<T>>,
     pub(crate) bellows_force: Vec<T>,
@@ -60,6 +62,7 @@ impl<T: Real> EffectState<T> {
         let still = BellowsState { length: o, rate: o, pressure: o, start_length: o, start_rate: o };
         Self {
             time: 0.0,
+            clock: 0.0,
             start: None,
             bellows: vec![still; count],
             bellows_force: vec![o; count],
@@ -121,7 +124,8 @@ impl<T: Real> EffectState<T> {
 kernel! {
     /// Takes the hidden states to the instant `time`, `elapsed` seconds after the step's start.
     fn advance<'a, T>(state: &'a mut EffectState<T>, arm: &'a Arm<T>, time: f64, elapsed: Option<f64>) {
-        let EffectState { bellows, bellows_force, hidden, .. } = state;
+        let EffectState { bellows, bellows_force, hidden, clock, .. } = state;
+        let time = time + *clock;
         let now = Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time, elapsed };
         for entry in &arm.effects.list {
             entry.kind.advance(&now, &mut hidden[entry.hidden.clone()]);
@@ -147,7 +151,7 @@ kernel! {
         loads: &'a mut [Load<T>],
     ) {
         let (actuation, passive) = which;
-        let EffectState { time, start, bellows, bellows_force, hidden } = state;
+        let EffectState { time, clock, start, bellows, bellows_force, hidden } = state;
         for force in bellows_force.iter_mut() {
             *force = T::zero();
         }
@@ -159,8 +163,8 @@ kernel! {
                 state.pressure = if actuation { p[b.input] - arm.ambient_pressure } else { T::zero() };
             }
         }
-        let mut now =
-            Instant { arm, links, bellows, bellows_force, loads, time: *time, elapsed: start.map(|t0| *time - t0) };
+        let elapsed = start.map(|t0| *time - t0);
+        let mut now = Instant { arm, links, bellows, bellows_force, loads, time: *time + *clock, elapsed };
         let Effects { list, .. } = &arm.effects;
         for entry in list {
             if if entry.kind.is_actuation() { actuation } else { passive } {

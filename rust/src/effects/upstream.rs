@@ -62,6 +62,16 @@ impl<T: Real> History<T> {
         self.rows.extend_from_slice(p);
     }
 
+    /// Times and rows, one after the other, of the steps accepted so far.
+    pub fn committed(&self) -> (&[f64], &[T]) {
+        (&self.times[..self.committed], &self.rows[..self.committed * self.inputs])
+    }
+
+    /// Goes on from what [`History::committed`] gave.
+    pub fn resume(&mut self, times: &[f64], rows: &[T]) {
+        (self.times, self.rows, self.committed) = (times.to_vec(), rows.to_vec(), times.len());
+    }
+
     /// The step was accepted.
     pub fn end_step(&mut self) {
         self.committed = self.times.len();

@@ -1,85 +1,59 @@
-//! The stepping loop.
+//! The stepping loop, and steps of a given length.
 //!
-//! Source: Hairer, Norsett & Wanner, *Solving Ordinary Differential Equations I*, sec. II.4 (step size control, starting step), II.6.
-//! A method with an error estimate steps adaptively and answers between steps by dense output; one without takes equal
-//! steps, at most `step` long, that end on every output and every break.
+//! Source: Hairer, Norsett & Wanner, *Solving Ordinary Differential Equations I*, sec. II.6; *II*, sec. IV.7 (linearly implicit).
+//! A method with an error estimate steps adaptively (`adaptive`) and answers between steps by dense output; one without takes
+//! equal steps, at most `step` long, that end on every output and every break.
 
 use super::System;
 use super::implicit::Implicit;
-use super::tableau::{Method, Tableau};
+use super::options::{Options, Statistics};
+use super::tableau::Tableau;
 use crate::error::{Error, Result};
 use crate::real::Real;
-
-/// How to step.
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// The method.
-    pub method: Method,
-    /// Longest step of a fixed-step method, s.
-    pub step: f64,
-    /// Relative tolerance of an adaptive method.
-    pub rtol: f64,
-    /// Absolute tolerance of an adaptive method (in the state's units: m, m/s).
-    pub atol: f64,
-    /// Shortest step of an adaptive method, s; a shorter one needed is an error.
-    pub min_step: f64,
-    /// Longest step of an adaptive method, s.
-    pub max_step: f64,
-    /// Most steps in all, rejected ones included.
-    pub max_steps: u64,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            method: Method::DormandPrince54,
-            step: 1e-3,
-            rtol: 1e-6,
-            atol: 1e-8,
-            min_step: 1e-10,
-            max_step: f64::INFINITY,
-            max_steps: u64::MAX,
-        }
-    }
-}
-
-/// What a run cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Statistics {
-    /// Accepted steps.
-    pub steps: u64,
-    /// Rejected steps.
-    pub rejected_steps: u64,
-    /// Evaluations of the right-hand side.
-    pub evaluations: u64,
-}
+use std::sync::Arc;
 
 /// An integration under way: state, last step, counts. Nothing is allocated after `new`.
 #[derive(Clone, Debug)]
 pub struct Integrator<T> {
-    options: Options,
-    tableau: &'static Tableau,
+    pub(super) options: Options,
+    pub(super) tableau: &'static Tableau,
     /// Start and end of the last step.
-    t_before: f64,
-    t: f64,
-    x_before: Vec<T>,
-    x: Vec<T>,
-    stage: Vec<T>,
-    k: Vec<Vec<T>>,
-    /// Whether `k[0]` already is f(t, x).
-    fresh: bool,
+    pub(super) t_before: f64,
+    pub(super) t: f64,
+    pub(super) x_before: Vec<T>,
+    pub(super) x: Vec<T>,
+    pub(super) stage: Vec<T>,
+    pub(super) k: Vec<Vec<T>>,
+    /// Whether f(t, x) is known already, and for a linearly implicit method its derivatives: a step is begun again.
+    pub(super) fresh: bool,
     /// Whether the last stage is f(t, x): it moves to `k[0]` when the next step begins, since dense output needs both.
-    carry: bool,
-    h: f64,
-    last_error: f64,
-    statistics: Statistics,
-    output: Vec<T>,
+    pub(super) carry: bool,
+    /// Length that the next step of an adaptive method should have; 0 before the first.
+    pub(super) h: f64,
+    pub(super) last_error: f64,
+    pub(super) statistics: Statistics,
+    pub(super) output: Vec<T>,
     /// Of a linearly implicit method.
-    implicit: Option<Implicit<T>>,
+    pub(super) implicit: Option<Implicit<T>>,
+    pub(super) sequence: Sequence,
+    /// Evaluations times states at the last question whether to stop.
+    asked: u64,
 }
 
-/// Steps between two questions whether to stop.
-const POLL: u64 = 512;
+/// Where the ends of an adaptive method's steps come from.
+#[derive(Clone, Debug, Default)]
+pub(super) enum Sequence {
+    /// From the estimated error.
+    #[default]
+    Own,
+    /// Likewise, and they are noted.
+    Noted(Vec<f64>),
+    /// From another run, of which so many are done.
+    Given(Arc<Vec<f64>>, usize),
+}
+
+/// Evaluations times states between two questions whether to stop: some milliseconds.
+const POLL: u64 = 100_000;
 
 impl<T: Real> Integrator<T> {
     /// Ready at (`t`, `x`).
@@ -102,7 +76,24 @@ impl<T: Real> Integrator<T> {
             statistics: Statistics::default(),
             output: zero,
             implicit: (tableau.gamma > 0.0).then(|| Implicit::new(x.len())),
+            sequence: Sequence::Own,
+            asked: 0,
         }
+    }
+
+    /// Notes where steps end, for [`Integrator::following`].
+    pub fn noting(self) -> Self {
+        Self { sequence: Sequence::Noted(Vec::new()), ..self }
+    }
+
+    /// An adaptive method takes the steps that another run took, which then do not follow from its own error.
+    pub fn following(self, ends: Arc<Vec<f64>>) -> Self {
+        Self { sequence: Sequence::Given(ends, 0), ..self }
+    }
+
+    /// The ends of the steps so far, if they are noted.
+    pub fn noted(self) -> Vec<f64> {
+        if let Sequence::Noted(ends) = self.sequence { ends } else { Vec::new() }
     }
 
     /// Counts so far.
@@ -163,9 +154,7 @@ impl<T: Real> Integrator<T> {
                     let limit = self.options.max_steps;
                     return Err(self.failure(format!("the limit of {limit} steps is reached; raise max_steps")));
                 }
-                if taken.is_multiple_of(POLL) && stop() {
-                    return Err(Error::Interrupted);
-                }
+                self.poll(stop)?;
             }
             if wanted >= self.t {
                 system.output(wanted, &self.x);
@@ -179,23 +168,39 @@ impl<T: Real> Integrator<T> {
         Ok(())
     }
 
-    fn failure(&self, reason: String) -> Error {
+    /// Asks now and then whether to stop.
+    #[inline(always)]
+    fn poll(&mut self, stop: &mut impl FnMut() -> bool) -> Result<()> {
+        let work = self.statistics.evaluations * self.x.len() as u64;
+        if work < self.asked + POLL {
+            return Ok(());
+        }
+        self.asked = work;
+        if stop() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    #[cold]
+    pub(super) fn failure(&self, reason: String) -> Error {
         Error::Simulation { time: self.t, reason }
     }
 
-    /// All stages from `k[0]` and the new state into `stage`.
+    /// All stages of a step of length `h` and the new state into `stage`.
     #[inline(always)]
-    fn stages<S: System<T>>(&mut self, system: &mut S, h: f64) {
-        if !self.fresh {
-            system.derivative(self.t, &self.x, &mut self.k[0]);
-            self.statistics.evaluations += 1;
-        }
+    pub(super) fn stages<S: System<T>>(&mut self, system: &mut S, h: f64) {
         let tableau = self.tableau;
         if let Some(implicit) = &mut self.implicit {
-            implicit.factor(system, self.t, &self.x, &self.k[0], tableau.gamma * h);
+            if !self.fresh {
+                system.derivative(self.t, &self.x, &mut implicit.derivative);
+                implicit.differentiate(system, self.t, &self.x, h);
+                self.statistics.evaluations += 1 + implicit.evaluations();
+            }
+            implicit.factor(tableau.gamma * h);
+            self.k[0].copy_from_slice(&implicit.derivative);
             implicit.add_drift(tableau.drift[0], &mut self.k[0]);
             implicit.solve(&mut self.k[0]);
-            self.statistics.evaluations += self.x.len() as u64 + 1;
+        } else if !self.fresh {
+            system.derivative(self.t, &self.x, &mut self.k[0]);
+            self.statistics.evaluations += 1;
         }
         for (i, row) in tableau.a.iter().enumerate() {
             self.combine(row, h);
@@ -203,8 +208,9 @@ impl<T: Real> Integrator<T> {
             if let Some(implicit) = &self.implicit {
                 let (before, now) = self.k.split_at_mut(i + 1);
                 for (c, k) in tableau.coupling[i].iter().zip(before) {
+                    let c = T::from_f64(*c);
                     for (s, d) in now[0].iter_mut().zip(k.iter()) {
-                        *s += *d * *c;
+                        *s = d.mul_add(c, *s);
                     }
                 }
                 implicit.add_drift(tableau.drift[i + 1], &mut now[0]);
@@ -219,7 +225,7 @@ impl<T: Real> Integrator<T> {
 
     /// `stage = x + h sum_i weights_i k_i`.
     #[inline(always)]
-    fn combine(&mut self, weights: &[f64], h: f64) {
+    pub(super) fn combine(&mut self, weights: &[f64], h: f64) {
         let mut begun = false;
         for (w, k) in weights.iter().zip(&self.k) {
             if *w == 0.0 {
@@ -244,11 +250,14 @@ impl<T: Real> Integrator<T> {
 
     /// Takes over the new state in `stage` unless it cannot be gone on from.
     #[inline(always)]
-    fn accept<S: System<T>>(&mut self, system: &mut S, t1: f64) -> Result<()> {
+    pub(super) fn accept<S: System<T>>(&mut self, system: &mut S, t1: f64) -> Result<()> {
         if let Some(reason) = system.inspect(self.t, &mut self.stage) {
             return Err(self.failure(reason));
         }
         system.end_step(t1, &self.stage);
+        if let Sequence::Noted(ends) = &mut self.sequence {
+            ends.push(t1);
+        }
         std::mem::swap(&mut self.x_before, &mut self.x);
         std::mem::swap(&mut self.x, &mut self.stage);
         self.t_before = self.t;
@@ -257,124 +266,31 @@ impl<T: Real> Integrator<T> {
         Ok(())
     }
 
+    /// How long a step to `t1` is.
+    #[inline(always)]
+    pub(super) fn length(&self, t1: f64) -> Result<f64> {
+        if t1 > self.t { Ok(t1 - self.t) } else { Err(self.no_room(self.h.max(self.options.step))) }
+    }
+
+    #[cold]
+    fn no_room(&self, h: f64) -> Error {
+        let t = self.t;
+        self.failure(format!(
+            "a step of {h:.1e} s does not move the time from {t:e} s on, which has no digits for it; is the time in another \
+             unit than seconds?"
+        ))
+    }
+
     #[inline(always)]
     fn fixed_step<S: System<T>>(&mut self, system: &mut S, wanted: f64) -> Result<()> {
         let target = wanted.min(system.next_break(self.t));
         let left = target - self.t;
         let count = (left / self.options.step - 1e-9).ceil().max(1.0);
         let t1 = if count > 1.0 { self.t + left / count } else { target };
-        let h = t1 - self.t;
+        let h = self.length(t1)?;
         system.begin_step(self.t, t1, &self.x);
         self.fresh = false;
         self.stages(system, h);
         self.accept(system, t1)
-    }
-
-    #[inline(always)]
-    fn adaptive_step<S: System<T>>(&mut self, system: &mut S) -> Result<()> {
-        let limit = system.next_break(self.t);
-        if self.h == 0.0 {
-            self.h = self.starting_step(system, limit);
-        }
-        let exponent = 1.0 / f64::from(self.tableau.order);
-        self.fresh = self.carry;
-        if self.carry {
-            let last = self.k.len() - 1;
-            self.k.swap(0, last);
-            self.carry = false;
-        }
-        let mut rejected = false;
-        loop {
-            let mut h = self.h.min(self.options.max_step);
-            // A step that would leave a sliver before the break ends on it.
-            let at_break = self.t + 1.01 * h >= limit;
-            let t1 = if at_break { limit } else { self.t + h };
-            h = t1 - self.t;
-            system.begin_step(self.t, t1, &self.x);
-            self.stages(system, h);
-            let error = self.error_norm(h);
-            if error <= 1.0 {
-                // PI control (Hairer, II.4.2.): the last error damps the growth.
-                let grow = 0.9 * error.max(1e-10).powf(-0.7 * exponent) * self.last_error.powf(0.4 * exponent);
-                let next = h * grow.clamp(0.2, if rejected { 1.0 } else { 10.0 });
-                self.h = if at_break { next.max(self.h) } else { next };
-                self.last_error = error.max(1e-4);
-                self.accept(system, t1)?;
-                self.carry = self.tableau.first_same_as_last && !at_break;
-                return Ok(());
-            }
-            self.statistics.rejected_steps += 1;
-            rejected = true;
-            self.fresh = true;
-            let shrink = if error.is_finite() { 0.9 * error.powf(-exponent) } else { 0.1 };
-            self.h = h * shrink.clamp(0.1, 0.9);
-            if self.h < self.options.min_step {
-                let (h, min) = (self.h, self.options.min_step);
-                return Err(self.failure(format!(
-                    "the tolerance needs steps below min_step ({h:.1e} < {min:.1e} s): the motion has become too fast or \
-                     is diverging"
-                )));
-            }
-        }
-    }
-
-    /// RMS of the error estimate over the tolerance.
-    #[inline(always)]
-    fn error_norm(&self, h: f64) -> f64 {
-        let mut sum = 0.0;
-        for j in 0..self.x.len() {
-            let mut e = T::zero();
-            for (w, k) in self.tableau.error.iter().zip(&self.k) {
-                e += k[j] * (w * h);
-            }
-            let size = self.x[j].abs().largest().max(self.stage[j].abs().largest());
-            let ratio = e.abs().largest() / (self.options.atol + self.options.rtol * size);
-            sum += ratio * ratio;
-        }
-        let norm = (sum / self.x.len() as f64).sqrt();
-        if norm.is_nan() { f64::INFINITY } else { norm }
-    }
-
-    /// Hairer, II.4: a first step from the sizes of x, x' and x''.
-    fn starting_step<S: System<T>>(&mut self, system: &mut S, limit: f64) -> f64 {
-        let norm = |v: &[T], x: &[T], o: &Options| {
-            let sum: f64 =
-                v.iter().zip(x).map(|(v, x)| (v.abs().largest() / (o.atol + o.rtol * x.abs().largest())).powi(2)).sum();
-            (sum / v.len() as f64).sqrt()
-        };
-        let reach = (limit - self.t).min(self.options.max_step).min(1.0);
-        system.begin_step(self.t, self.t + reach, &self.x);
-        system.derivative(self.t, &self.x, &mut self.k[0]);
-        let (d0, d1) = (norm(&self.x, &self.x, &self.options), norm(&self.k[0], &self.x, &self.options));
-        let h0 = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(reach);
-        self.combine(&[1.0], h0);
-        system.derivative(self.t + h0, &self.stage, &mut self.k[1]);
-        self.statistics.evaluations += 2;
-        let (first, rest) = self.k.split_at_mut(1);
-        for (a, b) in rest[0].iter_mut().zip(&first[0]) {
-            *a -= *b;
-        }
-        let d2 = norm(&self.k[1], &self.x, &self.options) / h0;
-        let largest = d1.max(d2);
-        let h1 = if largest <= 1e-15 {
-            (h0 * 1e-3).max(1e-6)
-        } else {
-            (0.01 / largest).powf(1.0 / f64::from(self.tableau.order))
-        };
-        h1.min(100.0 * h0).min(reach).max(self.options.min_step)
-    }
-
-    /// State within the last step, into `output`.
-    #[inline(always)]
-    fn interpolate(&mut self, t: f64) {
-        let h = self.t - self.t_before;
-        let theta = (t - self.t_before) / h;
-        self.output.copy_from_slice(&self.x_before);
-        for (p, k) in self.tableau.dense.iter().zip(&self.k) {
-            let weight = h * theta * (p[0] + theta * (p[1] + theta * (p[2] + theta * p[3])));
-            for (o, d) in self.output.iter_mut().zip(k) {
-                *o += *d * weight;
-            }
-        }
     }
 }

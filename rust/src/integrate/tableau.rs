@@ -30,25 +30,46 @@ pub struct Tableau {
 /// Which method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
+    /// [`Self::Rodas4`] for stiff arms, [`Self::DormandPrince54`] for others: see [`crate::stiffness`].
+    Auto,
     /// Classical Runge-Kutta of order 4, fixed step.
     Rk4,
     /// Dormand-Prince 5(4), adaptive step.
     DormandPrince54,
+    /// Rosenbrock of order 4(3), adaptive step, for stiff arms.
+    Rodas4,
     /// Rosenbrock-W of order 2, fixed step, for stiff arms.
     Ros2,
 }
 
+/// The name of [`Method::Auto`].
+const AUTO: &str = "auto";
+
 impl Method {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::DormandPrince54, Self::Rodas4, Self::Rk4, Self::Ros2];
+
     /// By the user's name.
     pub fn by_name(name: &str) -> Option<Self> {
-        [Self::Rk4, Self::DormandPrince54, Self::Ros2].into_iter().find(|m| m.tableau().name == name)
+        Self::ALL.into_iter().find(|m| m.name() == name)
     }
 
-    /// Its coefficients.
+    /// As users give it.
+    pub fn name(self) -> &'static str {
+        if self == Self::Auto { AUTO } else { self.tableau().name }
+    }
+
+    /// Whether steps follow from a tolerance.
+    pub fn is_adaptive(self) -> bool {
+        self == Self::Auto || !self.tableau().error.is_empty()
+    }
+
+    /// Its coefficients; those of the explicit method as long as nobody has chosen.
     pub fn tableau(self) -> &'static Tableau {
         match self {
             Self::Rk4 => &RK4,
-            Self::DormandPrince54 => &DORMAND_PRINCE_54,
+            Self::Auto | Self::DormandPrince54 => &DORMAND_PRINCE_54,
+            Self::Rodas4 => &RODAS4,
             Self::Ros2 => &ROS2,
         }
     }
@@ -82,6 +103,69 @@ pub static ROS2: Tableau = Tableau {
     gamma: 1.0 - std::f64::consts::FRAC_1_SQRT_2,
     drift: &[1.0, -1.0],
     coupling: &[&[-2.0]],
+};
+
+/// gamma of [`RODAS4`].
+const GAMMA: f64 = 0.25;
+
+/// `GAMMA` times the numbers of a row: published are those of U_i = gamma h k_i.
+const fn scaled<const N: usize>(row: [f64; N]) -> [f64; N] {
+    let mut out = row;
+    let mut i = 0;
+    while i < N {
+        out[i] *= GAMMA;
+        i += 1;
+    }
+    out
+}
+
+/// Dense output (1 - s) x0 + s (x1 + (1 - s) (sum near_i U_i + s sum far_i U_i)), x1 = x0 + sum last_i U_i, in powers of s.
+const fn in_powers(last: [f64; 6], near: [f64; 6], far: [f64; 6]) -> [[f64; 4]; 6] {
+    let mut out = [[0.0; 4]; 6];
+    let mut i = 0;
+    while i < 6 {
+        out[i] = scaled([last[i] + near[i], far[i] - near[i], -far[i], 0.0]);
+        i += 1;
+    }
+    out
+}
+
+/// Weights of [`RODAS4`]'s fifth stage; with 1 for the stage before, of the sixth and of the solution.
+const FIFTH: [f64; 4] = [7.089566927282776, 4.573591406461604, -8.423496976860259, -0.959280113459775];
+const LAST: [f64; 6] = [FIFTH[0], FIFTH[1], FIFTH[2], FIFTH[3], 1.0, 1.0];
+
+/// Steinebach, *Improvement of Rosenbrock-Wanner method RODASP*, Progress in Differential-Algebraic Equations II (2020) 165-184,
+/// method Rodas4P2: L-stable and stiffly accurate, order 4(3) without reduction on linear stiff problems, order 2 whatever
+/// stands for J. Form and dense output of order 3: Hairer & Wanner, *Solving Ordinary Differential Equations II*, sec. IV.7.
+pub static RODAS4: Tableau = Tableau {
+    name: "rodas4",
+    order: 4,
+    c: &[0.0, 0.75, 0.321448134013046, 0.519745732277726, 1.0, 1.0],
+    a: &[
+        &scaled([3.0]),
+        &scaled([0.906377755268814, -0.189707390391685]),
+        &scaled([3.758617027739064, 1.161741776019525, -0.849258085312803]),
+        &scaled(FIFTH),
+        &scaled([FIFTH[0], FIFTH[1], FIFTH[2], FIFTH[3], 1.0]),
+    ],
+    b: &scaled(LAST),
+    error: &scaled([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+    dense: &in_powers(
+        LAST,
+        [-5.323528268423303, -10.042123754867493, 17.175254928256965, -5.079931171878093, -0.016185991706112, 0.0],
+        [6.984505741529879, 6.914061169603662, -0.849178943070653, 18.104410789349338, -3.516963011559032, 0.0],
+    ),
+    first_same_as_last: false,
+    gamma: GAMMA,
+    // Published are multiples of h df/dt.
+    drift: &[1.0, -0.5 / GAMMA, -0.189532918363016 / GAMMA, 0.085612108792769 / GAMMA, 0.0, 0.0],
+    coupling: &[
+        &scaled([-12.0]),
+        &scaled([-6.354581592719008, 0.338972550544623]),
+        &scaled([-8.575016317114033, -7.606483992117508, 12.22499765012482]),
+        &scaled([-5.888975457523102, -8.15739661784182, 24.805546872612922, 12.79040151279698]),
+        &scaled([-4.408651676063871, -6.692003137674639, 24.625568527593117, 16.627521966636085, -5.714285714285718]),
+    ],
 };
 
 /// Dormand & Prince, J. Comp. Appl. Math. 6 (1980) 19-26; dense output of order 4 by Shampine, Math. Comp. 46 (1986) 135-150.

@@ -27,7 +27,7 @@ use substep::substep;
 
 /// Longest sub-step, s.
 pub const SUBSTEP: f64 = 2.5e-4;
-/// Longest step of the arm with pneumatics that are not ideal, s.
+/// Longest step of the arm with pneumatics that are not ideal, s; adaptive methods need none with a lag.
 pub const LONGEST_STEP: f64 = 2e-3;
 
 /// What the valves, chambers and pressure controllers of an arm are; the same for every input.
@@ -431,6 +431,23 @@ impl<T: Real> Chambers<T> {
         self.now.copy_from_slice(&self.next);
     }
 
+    /// Everything that is remembered from step to step, three numbers an input, onto the end of `out`.
+    pub fn save(&self, out: &mut Vec<T>) {
+        out.extend(self.now.iter().flat_map(|x| [x.content, x.spool, x.integral]));
+    }
+
+    /// Goes on from what [`Chambers::save`] gave, at rest in the sense that no step has begun; returns how many numbers it took.
+    pub fn load(&mut self, numbers: &[T]) -> usize {
+        for (now, given) in self.now.iter_mut().zip(numbers.chunks_exact(3)) {
+            *now = Input { content: given[0], spool: given[1], integral: given[2] };
+        }
+        self.next.copy_from_slice(&self.now);
+        self.nodes.clear();
+        self.nodes.extend(self.now.iter().map(|x| x.content));
+        (self.substeps, self.start, self.end) = (0, 0.0, 0.0);
+        3 * self.now.len()
+    }
+
     /// Masses of air (`full`) at the end of the last accepted step, kg.
     pub fn masses(&self) -> impl Iterator<Item = T> + '_ {
         self.now.iter().map(|x| x.content)
@@ -455,15 +472,26 @@ kernel! {
     }
 }
 
-/// The lagged pressure after `elapsed` under a reference that moves evenly: exact.
+/// The lagged pressure after `elapsed` under a reference that moves evenly: exact, also where it meets the reference, from
+/// which on the other time constant holds.
 #[inline(always)]
 fn lagged<T: Real>(pneumatics: &Pneumatics<T>, p: T, drive: &Drive<T>, elapsed: f64) -> T {
-    let time = T::select(drive.reference - p, pneumatics.fill_time, pneumatics.vent_time);
-    // Past the transient the pressure follows the reference's line, `time` behind it.
-    let behind = drive.reference_rate * time;
-    let line = drive.reference - behind;
-    let decay = (-(time.recip() * elapsed)).exp();
-    line + drive.reference_rate * elapsed + (p - line) * decay
+    let (zero, elapsed) = (T::zero(), T::from_f64(elapsed));
+    let (ahead, rate) = (p - drive.reference, drive.reference_rate);
+    let time = T::select(-ahead, pneumatics.fill_time, pneumatics.vent_time);
+    // Past the transient the pressure follows the reference's line, `time` behind it: on the other side of the reference
+    // if that moves towards the pressure.
+    let behind = rate * time;
+    let meets = ahead * rate;
+    let ratio = T::select(meets, ahead / T::select(rate * rate, behind, T::one()), zero);
+    let at_once = T::select(rate * rate, zero, elapsed);
+    let meeting = T::select(-meets, elapsed, T::select(meets, time * (ratio.max(zero) + 1.0).ln(), at_once));
+    let before = meeting.min(elapsed);
+    let rest = elapsed - before;
+    let first = (ahead + behind) * (-(before / time)).exp() - behind;
+    let other = T::select(rate, pneumatics.fill_time, pneumatics.vent_time);
+    let second = rate * other * ((-(rest / other)).exp() - 1.0);
+    drive.reference + rate * elapsed + T::select(rest, second, first)
 }
 
 #[cfg(test)]

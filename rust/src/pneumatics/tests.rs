@@ -141,6 +141,29 @@ fn the_arm_with_pneumatics_at_one_millisecond_against_tiny_steps() {
     }
 }
 
+/// Over one step along which the reference comes towards the pressure, passes it and goes on, or stands still.
+#[test]
+fn lag_is_exact_where_it_meets_its_reference() {
+    let k = Pneumatics::new(&parameters(PneumaticsLevel::Lag), 101_325.0, &[5e-4]).unwrap();
+    for (p, rate) in
+        [(1.3e5, 4e5), (0.9e5, -4e5), (1.3e5, -4e5), (0.9e5, 4e5), (1.1e5, 2e5), (1.1e5, 0.0), (1.3e5, 0.0)]
+    {
+        let drive = Drive { reference: 1.1e5, reference_rate: rate, volume: 1e-3, volume_rate: 0.0 };
+        // Steps of 2 us by the midpoint rule, each with the time constant of its own start.
+        let (mut expected, h, count) = (p, 2e-6, 50_000);
+        for i in 0..count {
+            let slope = |t: f64, p: f64| {
+                let ahead = drive.reference + rate * t - p;
+                ahead / if ahead > 0.0 { k.fill_time } else { k.vent_time }
+            };
+            let t = h * f64::from(i);
+            expected += h * slope(t + 0.5 * h, expected + 0.5 * h * slope(t, expected));
+        }
+        let found = lagged(&k, p, &drive, h * f64::from(count));
+        assert!((found - expected).abs() < 1e-2, "{p} {rate}: {found} {expected}");
+    }
+}
+
 #[test]
 fn lag_is_exact() {
     let arm = plant(PneumaticsLevel::Lag);

@@ -1,6 +1,6 @@
 //! The class `Arm`: the model of one arm.
 
-use super::arrays::{finite, matrix, pressures, shaped, small, vector, vector_or_rows};
+use super::arrays::{finite, matrix, pressures, shaped, small, vector, vector_or_rows, whole};
 use super::errors::{input, to_python};
 use super::signals::Signals;
 use crate::arm::Arm;
@@ -98,18 +98,22 @@ impl PyArm {
         Cow::Owned(out)
     }
 
-    fn point(&self, py: Python<'_>, section: usize, fraction: f64, offset: [f64; 3]) -> PyResult<Point<f64>> {
-        let count = self.arm.sections.len();
-        if section == 0 || section > count {
-            return Err(input(py, format!("section: {section} does not exist; 1 to {count} are allowed")));
-        }
+    fn point(
+        &self,
+        section: &Bound<'_, PyAny>,
+        fraction: f64,
+        offset: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Point<f64>> {
+        let (py, count) = (section.py(), self.arm.sections.len());
+        let section = whole(section, "section", (1, count))?;
         if !(0.0..=1.0).contains(&fraction) {
             return Err(input(py, format!("fraction: {fraction} is outside 0 to 1")));
         }
-        if offset.iter().any(|x| !x.is_finite()) {
-            return Err(input(py, format!("offset: {offset:?}; finite numbers are needed")));
-        }
-        Ok(Point { section: section - 1, fraction, offset: Vec3(offset) })
+        let offset = match offset.map(|o| vector(o, "offset", 3)).transpose()? {
+            Some(o) => Vec3([o[0], o[1], o[2]]),
+            None => Vec3::zero(),
+        };
+        Ok(Point { section: section - 1, fraction, offset })
     }
 }
 
@@ -144,16 +148,16 @@ impl PyArm {
     }
 
     /// Orientation (3, 3) and position (3,) of a point of the arm in the base frame.
-    #[pyo3(signature = (q, section, fraction = 1.0, offset = [0.0; 3]))]
+    #[pyo3(signature = (q, section, fraction = 1.0, offset = None))]
     fn point_pose<'py>(
         &self,
         q: &Bound<'py, PyAny>,
-        section: usize,
+        section: &Bound<'py, PyAny>,
         fraction: f64,
-        offset: [f64; 3],
+        offset: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Matrix<'py>, Vector<'py>)> {
         let py = q.py();
-        let point = self.point(py, section, fraction, offset)?;
+        let point = self.point(section, fraction, offset)?;
         let q = vector(q, "q", self.size())?;
         let mut ws = self.workspace();
         pass(&self.arm, &q, &[], Motion::Pose, &mut ws.links);
@@ -163,16 +167,16 @@ impl PyArm {
     }
 
     /// Jacobian (6, 3n) of a point by the lengths: velocity, then angular velocity, in the base frame.
-    #[pyo3(signature = (q, section, fraction = 1.0, offset = [0.0; 3]))]
+    #[pyo3(signature = (q, section, fraction = 1.0, offset = None))]
     fn jacobian<'py>(
         &self,
         q: &Bound<'py, PyAny>,
-        section: usize,
+        section: &Bound<'py, PyAny>,
         fraction: f64,
-        offset: [f64; 3],
+        offset: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Matrix<'py>> {
         let (py, m) = (q.py(), self.size());
-        let point = self.point(py, section, fraction, offset)?;
+        let point = self.point(section, fraction, offset)?;
         let q = vector(q, "q", m)?;
         let mut ws = self.workspace();
         pass(&self.arm, &q, &[], Motion::Pose, &mut ws.links);
@@ -184,13 +188,15 @@ impl PyArm {
 
     /// Points (k, 3) along the backbone from the base on, `points_per_section` + 1 on each arc and the ends of rigid pieces;
     /// for lengths (m, 3n) of many states (m, k, 3).
-    #[pyo3(signature = (q, points_per_section = 20))]
-    fn shape<'py>(&self, q: &Bound<'py, PyAny>, points_per_section: usize) -> PyResult<Bound<'py, PyAny>> {
+    #[pyo3(signature = (q, points_per_section = None))]
+    fn shape<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        points_per_section: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let (py, n) = (q.py(), self.arm.sections.len());
-        let most = MOST_POINTS / n.max(1);
-        if !(1..=most).contains(&points_per_section) {
-            return Err(input(py, format!("points_per_section: {points_per_section}; 1 to {most} are allowed")));
-        }
+        let limits = (1, MOST_POINTS / n.max(1));
+        let points_per_section = points_per_section.map_or(Ok(20), |k| whole(k, "points_per_section", limits))?;
         let (q, rows) = vector_or_rows(q, "q", self.size())?;
         let k = 1 + n * (points_per_section + 2);
         let mut out = reserved("points", &[rows.unwrap_or(1), k, 3]).map_err(|e| to_python(py, &e))?;

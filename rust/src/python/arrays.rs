@@ -95,6 +95,25 @@ pub fn vector_or_rows(value: &Bound<'_, PyAny>, name: &str, length: usize) -> Py
     Ok((found.values, (found.dimensions == 2).then_some(found.rows)))
 }
 
+/// A whole number within limits.
+pub fn whole(value: &Bound<'_, PyAny>, name: &str, (low, high): (usize, usize)) -> PyResult<usize> {
+    let (py, allowed) = (value.py(), format!("whole numbers from {low} to {high} are allowed"));
+    match value.extract::<usize>() {
+        Ok(n) if (low..=high).contains(&n) => Ok(n),
+        // Also what is no number of this size, or no number at all.
+        _ => Err(input(py, format!("{name}: {}; {allowed}", shortened(&value.repr()?.to_string_lossy())))),
+    }
+}
+
+/// The beginning of a text that may be long.
+fn shortened(text: &str) -> String {
+    let mut start: String = text.chars().take(60).collect();
+    if start.len() < text.len() {
+        start.push_str("...");
+    }
+    start
+}
+
 /// Pressures, Pa absolute: none is negative.
 pub fn absolute(py: Python<'_>, name: &str, values: Vec<f64>) -> PyResult<Vec<f64>> {
     match values.iter().position(|p| *p < 0.0) {

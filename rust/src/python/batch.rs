@@ -6,7 +6,7 @@ use super::errors::{failure, input, to_python};
 use super::simulation::{interpolation_by_name, options};
 use crate::batch::{Batch, Channels, Member};
 use crate::error::Error;
-use crate::input::Input;
+use crate::input::{Input, Interpolation};
 use crate::real::lanes::InstructionSet;
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -21,7 +21,7 @@ type Samples<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyA
 /// Returns (lengths, velocities or None, head positions or None, head orientations or None, failures, statistics); see
 /// `bha.simulate_batch`.
 #[pyfunction]
-#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = "linear", method = "rk4", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, head_orientations = false, measured = false, threads = 0, instruction_set = None, progress = None))]
+#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = None, method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, head_orientations = false, measured = false, shared_steps = false, threads = 0, instruction_set = None, progress = None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
@@ -31,18 +31,19 @@ pub fn simulate_batch<'py>(
     members: Vec<(usize, usize, usize)>,
     start: &Bound<'py, PyAny>,
     state: Option<&Bound<'py, PyAny>>,
-    interpolation: &str,
+    interpolation: Option<Vec<String>>,
     method: &str,
     step: f64,
     rtol: f64,
     atol: f64,
     min_step: f64,
     max_step: f64,
-    max_steps: Option<u64>,
+    max_steps: Option<i64>,
     velocities: bool,
     head_positions: bool,
     head_orientations: bool,
     measured: bool,
+    shared_steps: bool,
     threads: usize,
     instruction_set: Option<&str>,
     progress: Option<&Bound<'py, PyAny>>,
@@ -54,7 +55,15 @@ pub fn simulate_batch<'py>(
     Vec<Option<Py<PyAny>>>,
     Bound<'py, PyArray2<u64>>,
 )> {
-    let interpolation = interpolation_by_name(py, interpolation)?;
+    // Straight lines between the samples of all inputs unless each says what holds there.
+    let interpolation = match interpolation {
+        Some(names) if names.len() != inputs.len() => {
+            let text = format!("interpolation: {} names; {} inputs need one each", names.len(), inputs.len());
+            return Err(input(py, text));
+        }
+        Some(names) => names.iter().map(|name| interpolation_by_name(py, name)).collect::<PyResult<_>>()?,
+        None => vec![Interpolation::Linear; inputs.len()],
+    };
     let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
     let arms: Vec<_> = arms.iter().map(|a| a.get().arm.clone()).collect();
     let Some(first) = arms.first() else { return Err(input(py, "arms: none; at least one is needed".to_owned())) };
@@ -63,15 +72,12 @@ pub fn simulate_batch<'py>(
         let time = any_vector(time, &format!("inputs[{k}].time"))?;
         let pressures = pressure_rows(pressures, &format!("inputs[{k}].pressures"), pressure_count)?;
         let forces = force_rows(forces.as_ref(), &format!("inputs[{k}].forces"), columns)?;
-        let built = Input::new(time, (pressures, pressure_count), forces, interpolation);
+        let built = Input::new(time, (pressures, pressure_count), forces, interpolation[k]);
         Ok(Arc::new(built.map_err(|e| to_python(py, &e))?))
     };
     let inputs = inputs.iter().enumerate().map(read).collect::<PyResult<Vec<_>>>()?;
-    let times = times
-        .iter()
-        .enumerate()
-        .map(|(k, t)| Ok(any_vector(t, &format!("times[{k}]"))?))
-        .collect::<PyResult<Vec<_>>>()?;
+    let times =
+        times.iter().enumerate().map(|(k, t)| any_vector(t, &format!("times[{k}]"))).collect::<PyResult<Vec<_>>>()?;
     let start = vector(start, "start", members.len())?;
     let state = state.map(|x| matrix(x, "x0", (members.len(), 2 * columns))).transpose()?;
     let build = |(k, &(arm, input, set)): (usize, &(usize, usize, usize))| {
@@ -88,6 +94,7 @@ pub fn simulate_batch<'py>(
         members: &members,
         options,
         channels: Channels { velocities, head_positions, orientations: head_orientations, measured },
+        shared_steps,
         instruction_set: instruction_set_by_name(py, instruction_set)?,
     };
     let mut signal: Option<PyErr> = None;

@@ -1,7 +1,7 @@
 //! The classes `Stepper` and `Controller`, and the functions of control.
 
 use super::arm::PyArm;
-use super::arrays::{absolute, any_matrix, finite, matrix, pressures, rows, shaped, small, vector};
+use super::arrays::{absolute, any_matrix, any_vector, finite, matrix, pressures, rows, shaped, small, vector, whole};
 use super::errors::{failure, input, to_python};
 use super::signals::{Shared, Signals};
 use crate::closed_loop::{self as core_loop, Exchange, Reference, Sensors, Stepper};
@@ -9,9 +9,10 @@ use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
 use crate::control::{Controller, ControllerParameters, Limits, Target, linearization};
 use crate::error::Error;
-use crate::fleet::{Fleet, Start, Stepping};
+use crate::fleet::{Fleet, Start};
 use crate::linear::Vec3;
 use crate::memory::reserved;
+use crate::stepping::{self, Plan, Stepping, Wish};
 use crate::watch::left_behind;
 use nalgebra::DMatrix;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
@@ -37,13 +38,27 @@ pub struct PyStepper {
 #[pymethods]
 impl PyStepper {
     #[new]
-    #[pyo3(signature = (arm, step = 1e-3))]
-    fn new(arm: &Bound<'_, PyArm>, step: f64) -> PyResult<Self> {
+    #[pyo3(signature = (arm, step = 1e-3, method = "rk4"))]
+    fn new(arm: &Bound<'_, PyArm>, step: f64, method: &str) -> PyResult<Self> {
         let arm_core = arm.get().arm.clone();
         let (coordinates, inputs) = (arm_core.coordinates(), arm_core.inputs);
         let py = arm.py();
-        let stepper = py.detach(|| Stepper::new(arm_core, step)).map_err(|e| to_python(py, &e))?;
+        let plan = Plan { stepping: stepping_by_name(py, method)?, step };
+        let stepper = py.detach(|| Stepper::new(arm_core, plan)).map_err(|e| to_python(py, &e))?;
         Ok(Self { stepper: Shared::new("stepper", stepper), coordinates, inputs, step })
+    }
+
+    /// Everything that decides what comes next, as a row of numbers.
+    #[getter]
+    fn _state<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
+        Ok(self.stepper.turn(py)?.state().into_pyarray(py))
+    }
+
+    /// Goes on from what `_state` of the same arm was.
+    fn _resume(&self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        let py = state.py();
+        let numbers = any_vector(state, "state")?;
+        self.stepper.turn(py)?.set_state(&numbers).map_err(|e| to_python(py, &e))
     }
 
     /// Time 0, pressures `p` (inputs,) in all chambers, lengths `q` (3n,), at rest under `p` if None, and rates `qd`.
@@ -66,7 +81,7 @@ impl PyStepper {
         Ok(observation(py, stepper))
     }
 
-    /// Holds the commanded pressures `p` (inputs,), Pa absolute, for `dt` s; returns lengths, then acting pressures.
+    /// Holds the commanded pressures `p` (inputs,), Pa absolute, for `dt` s; returns measured lengths, then acting pressures.
     fn step<'py>(&self, p: &Bound<'py, PyAny>, dt: f64) -> PyResult<Vector<'py>> {
         let py = p.py();
         if !(dt.is_finite() && dt > 0.0) {
@@ -88,10 +103,15 @@ impl PyStepper {
     fn time(&self, py: Python<'_>) -> PyResult<f64> {
         Ok(self.stepper.turn(py)?.time())
     }
-    /// Lengths (3n,), m.
+    /// True lengths (3n,), m.
     #[getter]
     fn lengths<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
         Ok(small(py, self.stepper.turn(py)?.lengths()))
+    }
+    /// Lengths as their sensors have them (3n,), m.
+    #[getter]
+    fn measured_lengths<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
+        Ok(small(py, self.stepper.turn(py)?.measured_lengths()))
     }
     /// Rates (3n,), m/s.
     #[getter]
@@ -106,7 +126,7 @@ impl PyStepper {
 }
 
 fn observation<'py>(py: Python<'py>, stepper: &Stepper) -> Vector<'py> {
-    let (q, p) = (stepper.lengths(), stepper.pressures());
+    let (q, p) = (stepper.measured_lengths(), stepper.pressures());
     let out = PyArray1::zeros(py, q.len() + p.len(), false);
     if let Ok(mut view) = out.try_readwrite()
         && let Ok(slice) = view.as_slice_mut()
@@ -118,7 +138,7 @@ fn observation<'py>(py: Python<'py>, stepper: &Stepper) -> Vector<'py> {
 }
 
 /// Many plants of one arm, stepped together.
-#[pyclass(name = "Fleet", module = "bha._core", frozen)]
+#[pyclass(name = "Fleet", module = "bha._core", frozen, subclass)]
 pub struct PyFleet {
     fleet: Shared<Fleet>,
 }
@@ -138,12 +158,11 @@ impl PyFleet {
         method: &str,
     ) -> PyResult<Self> {
         let py = arm.py();
-        let stepping = Stepping::by_name(method)
-            .ok_or_else(|| input(py, format!("method: {method:?}; \"rk4\" and \"symplectic_euler\" are allowed")))?;
+        let plan = Plan { stepping: stepping_by_name(py, method)?, step };
         let arm = arm.get().arm.clone();
         let (q, p) = (vector(q, "q", arm.coordinates())?, pressures(p, "p", arm.inputs)?);
         let start = Start { q: &q, p: &p };
-        let fleet = py.detach(|| Fleet::new(&arm, count, start, (stepping, step), threads));
+        let fleet = py.detach(|| Fleet::new(&arm, count, start, plan, threads));
         Ok(Self { fleet: Shared::new("fleet", fleet.map_err(|e| to_python(py, &e))?) })
     }
 
@@ -163,10 +182,23 @@ impl PyFleet {
         }
         let mut out = vec![0.0; count * fleet.width()];
         fleet.read(&mut out);
-        shaped(py, out, [count, fleet.width()])
+        shaped(py, finite(py, "states of the plants", out)?, [count, fleet.width()])
     }
 
-    /// Holds commands `p` (count, inputs), Pa absolute, for `dt` s; returns rows of (lengths, rates, chamber pressures, tip) and
+    /// Everything that decides what comes next, as a row of numbers.
+    #[getter]
+    fn _state<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
+        Ok(self.fleet.turn(py)?.state().into_pyarray(py))
+    }
+
+    /// Goes on from what `_state` of as many plants of the same arm was.
+    fn _resume(&self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        let py = state.py();
+        let numbers = any_vector(state, "state")?;
+        self.fleet.turn(py)?.set_state(&numbers).map_err(|e| to_python(py, &e))
+    }
+
+    /// Holds commands `p` (count, inputs), Pa absolute, for `dt` s; returns rows of (measured lengths, rates, chamber pressures, tip) and
     /// which plants diverged (they are back where they began last).
     fn step<'py>(&self, p: &Bound<'py, PyAny>, dt: f64) -> PyResult<(Matrix<'py>, Bound<'py, PyArray1<bool>>)> {
         let py = p.py();
@@ -183,6 +215,38 @@ impl PyFleet {
         result.map_err(|e| to_python(py, &e))?;
         Ok((shaped(py, out, [count, width])?, failed.into_pyarray(py)))
     }
+}
+
+/// How to step, by the user's name.
+fn stepping_by_name(py: Python<'_>, name: &str) -> PyResult<Stepping> {
+    Stepping::by_name(name).ok_or_else(|| {
+        input(
+            py,
+            format!("method: {name:?}; \"rk4\", \"ros2\" and, for environments, \"symplectic_euler\" are allowed"),
+        )
+    })
+}
+
+/// (method, step): how to step `arm` around rest under each row of `pressures` (k, inputs), Pa absolute.
+///
+/// `method` None: the cheapest that is stable; `step` None: at most `usual` s.
+#[pyfunction]
+#[pyo3(signature = (arm, pressures, method, step, usual))]
+pub fn plan_steps(
+    arm: &Bound<'_, PyArm>,
+    pressures: &Bound<'_, PyAny>,
+    method: Option<&str>,
+    step: Option<f64>,
+    usual: f64,
+) -> PyResult<(&'static str, f64)> {
+    let py = arm.py();
+    let arm = arm.get().arm.clone();
+    let pressures = rows(pressures, "pressures", arm.inputs)?;
+    let stepping = method.map(|name| stepping_by_name(py, name)).transpose()?;
+    let mut signals = Signals::new();
+    let plan = py.detach(|| stepping::plan(&arm, &pressures, Wish { stepping, step, usual }, &mut || signals.stop()));
+    signals.result()?;
+    plan.map(|plan| (plan.stepping.name(), plan.step)).map_err(|e| to_python(py, &e))
 }
 
 /// A controller of the core.
@@ -245,6 +309,12 @@ impl PyController {
         shaped(py, [o.lengths(), o.rates(), o.disturbance()].concat(), [3, self.coordinates])
     }
 
+    /// Evaluations of the model a period with which the Kalman filter predicts; 0: one exponential step.
+    #[getter]
+    fn observer_substeps(&self, py: Python<'_>) -> PyResult<usize> {
+        Ok(self.controller.turn(py)?.observer().substeps())
+    }
+
     /// The Kalman filter's gain (9n, 3n): corrections of lengths, rates and unexplained accelerations by innovations; zero
     /// before the first step and without a model.
     #[getter]
@@ -260,7 +330,7 @@ impl PyController {
 /// `controller` is a `Controller` of the core or a callable (t, y) -> p with y = measured lengths, then pressures. Returns
 /// (lengths, velocities, pressures, commands, estimated velocities, at_limit, head positions, failure).
 #[pyfunction]
-#[pyo3(signature = (stepper, controller, reference, period, *, length_noise = 0.0, pressure_noise = 0.0, seed = 0, decimation = 1))]
+#[pyo3(signature = (stepper, controller, reference, period, *, length_noise = 0.0, pressure_noise = 0.0, seed = None, decimation = None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn closed_loop<'py>(
     stepper: &Bound<'py, PyStepper>,
@@ -269,8 +339,8 @@ pub fn closed_loop<'py>(
     period: f64,
     length_noise: f64,
     pressure_noise: f64,
-    seed: u64,
-    decimation: usize,
+    seed: Option<&Bound<'py, PyAny>>,
+    decimation: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(
     Matrix<'py>,
     Matrix<'py>,
@@ -292,6 +362,8 @@ pub fn closed_loop<'py>(
     if !(period.is_finite() && period > 0.0) {
         return Err(input(py, format!("period: {period}; a positive number of seconds is needed")));
     }
+    let seed = seed.map_or(Ok(0), |k| whole(k, "seed", (0, usize::MAX)))? as u64;
+    let decimation = decimation.map_or(Ok(1), |k| whole(k, "decimation", (1, usize::MAX)))?;
     let reference = rows(reference, "reference", 3 * m)?;
     let reference = Reference::new(reference, m).map_err(|e| to_python(py, &e))?;
     let plan = (period, reference.len(), decimation);
@@ -389,7 +461,7 @@ pub fn rest_near<'py>(
 
 /// Lengths (k, 3n) for tip positions (k, 3) and, if given, directions (k, 3), one after the other from `start` (3n,) on.
 #[pyfunction]
-#[pyo3(signature = (arm, positions, directions, start, low, high, offset = [0.0; 3]))]
+#[pyo3(signature = (arm, positions, directions, start, low, high, offset = None))]
 pub fn resolved_motion<'py>(
     arm: &Bound<'py, PyArm>,
     positions: &Bound<'py, PyAny>,
@@ -397,7 +469,7 @@ pub fn resolved_motion<'py>(
     start: &Bound<'py, PyAny>,
     low: &Bound<'py, PyAny>,
     high: &Bound<'py, PyAny>,
-    offset: [f64; 3],
+    offset: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Matrix<'py>> {
     let (py, arm) = (positions.py(), arm.get().arm.clone());
     let m = arm.coordinates();
@@ -406,8 +478,8 @@ pub fn resolved_motion<'py>(
     let directions = directions.map(|d| matrix(d, "directions", (count, 3))).transpose()?;
     let (low, high) = (vector(low, "low", m)?, vector(high, "high", m)?);
     let mut q = vector(start, "start", m)?;
-    let offset = finite(py, "offset", offset)?;
-    let mut solver = ResolvedMotion::new(&arm, Vec3(offset), &low, &high);
+    let offset = offset.map_or(Ok(vec![0.0; 3]), |o| vector(o, "offset", 3))?;
+    let mut solver = ResolvedMotion::new(&arm, Vec3([offset[0], offset[1], offset[2]]), &low, &high);
     let mut out = reserved("lengths", &[count, m]).map_err(|e| to_python(py, &e))?;
     let at = |x: &[f64], k: usize| Vec3([x[3 * k], x[3 * k + 1], x[3 * k + 2]]);
     let mut signals = Signals::new();

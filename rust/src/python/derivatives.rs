@@ -79,7 +79,7 @@ impl Differentiator {
 
 /// (states, derivatives): of shape (rows, 6n) and (directions, rows, 6n); see `bha.sensitivities`.
 #[pyfunction]
-#[pyo3(signature = (arm, times, pressures, forces, output_times, start, state, differences, parameter_of, directions, *, interpolation = "linear", method = "dopri5", step = 1e-3, rtol = 1e-6, atol = 1e-8, max_steps = None))]
+#[pyo3(signature = (arm, times, pressures, forces, output_times, start, state, differences, parameter_of, directions, *, interpolation = "linear", method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, max_steps = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn sensitivities<'py>(
     arm: &Bound<'py, PyArm>,
@@ -97,7 +97,7 @@ pub fn sensitivities<'py>(
     step: f64,
     rtol: f64,
     atol: f64,
-    max_steps: Option<u64>,
+    max_steps: Option<i64>,
 ) -> PyResult<(Matrix<'py>, Cube<'py>)> {
     let py = arm.py();
     let arm = arm.get().arm.clone();

@@ -27,10 +27,12 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<control::PyFleet>()?;
     m.add_function(wrap_pyfunction!(control::closed_loop, m)?)?;
     m.add_function(wrap_pyfunction!(control::rest_near, m)?)?;
+    m.add_function(wrap_pyfunction!(control::plan_steps, m)?)?;
     m.add_function(wrap_pyfunction!(control::resolved_motion, m)?)?;
     m.add_function(wrap_pyfunction!(control::linearize, m)?)?;
     m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
     m.add_class::<virtual_arm::PyVirtualArm>()?;
+    m.add_function(wrap_pyfunction!(simulation::check_options, m)?)?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
     m.add_function(wrap_pyfunction!(batch::instruction_sets, m)?)?;
     m.add_class::<derivatives::Differentiator>()?;

@@ -24,7 +24,7 @@ pub struct PySimulation {
 #[pymethods]
 impl PySimulation {
     #[new]
-    #[pyo3(signature = (arm, times, pressures, forces = None, *, interpolation = "linear", method = "dopri5", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, start = None, q = None, qd = None))]
+    #[pyo3(signature = (arm, times, pressures, forces = None, *, interpolation = "linear", method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, start = None, q = None, qd = None))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         arm: &Bound<'_, PyArm>,
@@ -38,7 +38,7 @@ impl PySimulation {
         atol: f64,
         min_step: f64,
         max_step: f64,
-        max_steps: Option<u64>,
+        max_steps: Option<i64>,
         start: Option<f64>,
         q: Option<&Bound<'_, PyAny>>,
         qd: Option<&Bound<'_, PyAny>>,
@@ -55,7 +55,7 @@ impl PySimulation {
         let qd = qd.map(|q| vector(q, "qd", 3 * sections)).transpose()?;
         let build = || {
             let input = Input::new(times, (pressures, inputs), forces, interpolation)?;
-            let start = start.unwrap_or(input.start());
+            let start = start.unwrap_or(input.origin());
             if !start.is_finite() {
                 return Err(Error::Input(format!("start: {start}; a finite time is needed")));
             }
@@ -76,8 +76,8 @@ impl PySimulation {
         // The lock is never waited for: a thread that waited while attached would block the signal check of the other.
         let outcome = py.detach(|| {
             let mut simulation = self.simulation.try_lock().ok()?;
-            let earliest = simulation.earliest();
-            if times.first().is_some_and(|t| *t < earliest) || times.windows(2).any(|w| w[1] < w[0]) {
+            if times.first().is_some_and(|t| simulation.is_past(*t)) || times.windows(2).any(|w| w[1] < w[0]) {
+                let earliest = simulation.earliest();
                 return Some(Err(format!("times: they must ascend and not lie before {earliest} s")));
             }
             Some(Ok(simulation.advance(&times, &mut || signals.stop())))
@@ -113,6 +113,12 @@ impl PySimulation {
         Ok((out, failure))
     }
 
+    /// The name of the method in use.
+    #[getter]
+    fn method(&self, py: Python<'_>) -> PyResult<&'static str> {
+        Ok(self.simulation.try_lock().map_err(|_| busy(py))?.method().name())
+    }
+
     /// Counts so far: (steps, rejected_steps, evaluations).
     #[getter]
     fn statistics(&self, py: Python<'_>) -> PyResult<(u64, u64, u64)> {
@@ -134,10 +140,12 @@ pub(super) fn options(
     step: f64,
     (rtol, atol): (f64, f64),
     (min_step, max_step): (f64, f64),
-    max_steps: Option<u64>,
+    max_steps: Option<i64>,
 ) -> PyResult<Options> {
-    let method = Method::by_name(method)
-        .ok_or_else(|| input(py, format!("method: {method:?}; \"dopri5\", \"rk4\" or \"ros2\" are allowed")))?;
+    let method = Method::by_name(method).ok_or_else(|| {
+        let names: Vec<_> = Method::ALL.iter().map(|m| format!("{:?}", m.name())).collect();
+        input(py, format!("method: {method:?}; {} are allowed", names.join(", ")))
+    })?;
     for (name, value) in
         [("step", step), ("rtol", rtol), ("atol", atol), ("min_step", min_step), ("max_step", max_step)]
     {
@@ -145,7 +153,36 @@ pub(super) fn options(
             return Err(input(py, format!("{name}: {value}; a positive number is needed")));
         }
     }
-    Ok(Options { method, step, rtol, atol, min_step, max_step, max_steps: max_steps.unwrap_or(u64::MAX) })
+    for (name, value) in [("step", step), ("rtol", rtol), ("atol", atol), ("min_step", min_step)] {
+        if value.is_infinite() {
+            return Err(input(py, format!("{name}: {value}; a finite number is needed")));
+        }
+    }
+    let max_steps = match max_steps {
+        Some(count) if count < 1 => {
+            return Err(input(py, format!("max_steps: {count}; at least 1, or None for no limit, is needed")));
+        }
+        given => given.map_or(u64::MAX, i64::unsigned_abs),
+    };
+    Ok(Options { method, step, rtol, atol, min_step, max_step, max_steps })
+}
+
+/// Raises the `InputError` of options that are not allowed.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn check_options(
+    py: Python<'_>,
+    method: &str,
+    step: f64,
+    rtol: f64,
+    atol: f64,
+    min_step: f64,
+    max_step: f64,
+    max_steps: Option<i64>,
+    interpolation: Option<&str>,
+) -> PyResult<()> {
+    options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
+    interpolation.map_or(Ok(()), |name| interpolation_by_name(py, name).map(drop))
 }
 
 fn busy(py: Python<'_>) -> PyErr {

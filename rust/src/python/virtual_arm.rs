@@ -1,6 +1,6 @@
 //! The class `VirtualArm`: what the paper's experiments measure instead of a real arm.
 
-use super::arrays::{any_vector, force_rows, matrix, pressure_rows, pressures, shaped, small, vector};
+use super::arrays::{any_vector, finite, force_rows, matrix, pressure_rows, pressures, shaped, small, vector};
 use super::errors::{input, to_python};
 use super::signals::Signals;
 use crate::input::{Input, Interpolation};
@@ -103,10 +103,10 @@ impl PyVirtualArm {
 
     /// (kinetic, potential) energy at a state, J.
     fn energy(&self, q: &Bound<'_, PyAny>, qd: &Bound<'_, PyAny>, creep: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> {
-        let n = self.arm.coordinates();
+        let (py, n) = (q.py(), self.arm.coordinates());
         let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
         let creep = vector(creep, "creep", self.arm.creep_states())?;
-        let [kinetic, potential] = self.arm.energy(&q, &qd, &creep);
+        let [kinetic, potential] = finite(py, "energy", self.arm.energy(&q, &qd, &creep))?;
         Ok((kinetic, potential))
     }
 }

@@ -81,7 +81,6 @@ pub struct TableReader {
     counts: Arc<Counts>,
     unpacking: Unpacking,
     size: u64,
-    crlf: bool,
     opening: Vec<String>,
     headings: Vec<String>,
 }
@@ -106,8 +105,8 @@ impl TableReader {
             .map(|field| String::from_utf8(field.to_vec()).map(|heading| heading.trim().to_owned()))
             .collect::<Result<Vec<_>, _>>()
             .map_err(|_| Fault::HeadingsNotText.at(1))?;
-        let source::Source { counts, size, crlf, opening, .. } = source;
-        Ok(Self { lines, counts, unpacking, size, crlf, opening, headings })
+        let source::Source { counts, size, opening, .. } = source;
+        Ok(Self { lines, counts, unpacking, size, opening, headings })
     }
 
     /// The first lines of the file as they stand, each clipped: where the headings are to be looked for if they are not
@@ -184,9 +183,9 @@ impl TableReader {
     /// The reader's own position of a record is where it began to look for it, before any blank lines.
     fn line_of_last_record(&self) -> u64 {
         let after = self.lines.position();
-        // Of "\r\n" the reader has taken "\r" alone when the record is done; a last line may have no end at all.
+        // A last line may have no end at all.
         let unterminated = self.counts.last.get() != u64::from(b'\n') && after.byte() >= self.counts.text.get();
-        after.line() - u64::from(!self.crlf && !unterminated)
+        after.line() - u64::from(!unterminated)
     }
 
     fn append(

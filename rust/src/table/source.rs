@@ -58,8 +58,6 @@ pub(super) struct Source {
     pub unpacking: Unpacking,
     /// Size of the file on disk, bytes.
     pub size: u64,
-    /// Whether the line of headings ends with "\r\n".
-    pub crlf: bool,
     /// The first lines of text, clipped.
     pub opening: Vec<String>,
 }
@@ -86,19 +84,15 @@ pub(super) fn open(path: &Path) -> Result<Source, Fault> {
     };
     let start = probe(&mut text).map_err(|error| Fault::from_io(error, unpacking))?;
     refuse_other_kinds(&start)?;
-    let line_end = start.iter().position(|&byte| byte == b'\n');
-    let crlf = line_end.is_some_and(|end| end > 0 && start[end - 1] == b'\r');
-    // Lines of the old Mac end with "\r" alone.
-    let translate = line_end.is_none() && start.contains(&b'\r');
-    let opening = opening(&start, translate);
-    let text = Box::new(Text { inner: Cursor::new(start).chain(text), counts: Arc::clone(&counts), translate });
-    Ok(Source { text, counts, unpacking, size: about.len(), crlf, opening })
+    let opening = opening(&start);
+    let text = Text { inner: Cursor::new(start).chain(text), counts: Arc::clone(&counts), after_return: false };
+    Ok(Source { text: Box::new(text), counts, unpacking, size: about.len(), opening })
 }
 
-fn opening(start: &[u8], translate: bool) -> Vec<String> {
-    let text = String::from_utf8_lossy(start);
-    let lines = text.strip_prefix('\u{feff}').unwrap_or(&text).split(if translate { '\r' } else { '\n' });
-    lines.take(OPENING.0).map(|line| line.trim_end_matches('\r').chars().take(OPENING.1).collect()).collect()
+fn opening(start: &[u8]) -> Vec<String> {
+    let text = String::from_utf8_lossy(start).replace("\r\n", "\n");
+    let lines = text.strip_prefix('\u{feff}').unwrap_or(&text).split(['\n', '\r']);
+    lines.take(OPENING.0).map(|line| line.chars().take(OPENING.1).collect()).collect()
 }
 
 fn probe(reader: &mut impl Read) -> io::Result<Vec<u8>> {
@@ -144,11 +138,33 @@ impl Read for OnDisk {
     }
 }
 
+/// Text whose lines end with "\n", whatever they end with in the file: "\n", "\r\n" or "\r", also mixed.
 struct Text<R> {
     inner: R,
     counts: Arc<Counts>,
-    /// Whether "\r" is handed out as "\n".
-    translate: bool,
+    /// Whether the last byte read was "\r", so that a "\n" after it belongs to the same line end.
+    after_return: bool,
+}
+
+impl<R> Text<R> {
+    /// Make every line end "\n", in place; returns how many bytes are left.
+    fn with_plain_line_ends(&mut self, bytes: &mut [u8]) -> usize {
+        if !self.after_return && !bytes.contains(&b'\r') {
+            return bytes.len();
+        }
+        let mut kept = 0;
+        for index in 0..bytes.len() {
+            let byte = bytes[index];
+            if byte == b'\n' && self.after_return {
+                self.after_return = false;
+                continue;
+            }
+            self.after_return = byte == b'\r';
+            bytes[kept] = if self.after_return { b'\n' } else { byte };
+            kept += 1;
+        }
+        kept
+    }
 }
 
 impl<R: Read> Read for Text<R> {
@@ -156,10 +172,14 @@ impl<R: Read> Read for Text<R> {
         if self.counts.text.get() - self.counts.line_start.get() > LONGEST_LINE {
             return Err(io::Error::other(LineTooLong));
         }
-        let count = self.inner.read(buffer)?;
-        if self.translate {
-            buffer[..count].iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
-        }
+        let count = loop {
+            let read = self.inner.read(buffer)?;
+            let count = self.with_plain_line_ends(&mut buffer[..read]);
+            // Nothing means the end, so the rest of a line end alone must not be nothing.
+            if count > 0 || read == 0 {
+                break count;
+            }
+        };
         self.counts.text.set(self.counts.text.get() + count as u64);
         if count > 0 {
             self.counts.last.set(buffer[count - 1].into());

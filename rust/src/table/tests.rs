@@ -173,7 +173,14 @@ fn faults_name_line_and_column() {
 
 #[test]
 fn lines_are_counted_as_an_editor_counts_them() {
-    for content in ["t,a\n0,1\n\n\n1,x\n2,3\n", "t,a\r\n0,1\r\n\r\n\r\n1,x\r\n2,3\r\n", "t,a\n0,1\n\n\n1,x"] {
+    for content in [
+        "t,a\n0,1\n\n\n1,x\n2,3\n",
+        "t,a\r\n0,1\r\n\r\n\r\n1,x\r\n2,3\r\n",
+        "t,a\r0,1\r\r\r1,x\r2,3\r",
+        "t,a\r\n0,1\n\r\n\r1,x\n2,3\r\n",
+        "t,a\n0,1\r\n\n\r\n1,x\r\n2,3\n",
+        "t,a\n0,1\n\n\n1,x",
+    ] {
         assert_eq!(read(content.as_bytes(), &[TIME, NUMBER]).unwrap_err().line, Some(5), "{content:?}");
         assert_eq!(
             read(content.as_bytes(), &[TIME, FREE]).unwrap().columns[1],

@@ -116,8 +116,15 @@ fn members_abreast_measure_as_they_do_alone() {
     for measured in [true, false] {
         let channels = Channels { head_positions: true, orientations: true, measured, ..Channels::default() };
         let instruction_set = InstructionSet::best();
-        let batch =
-            Batch { arms: &arms, inputs: &inputs, members: &members, options: options(), channels, instruction_set };
+        let batch = Batch {
+            arms: &arms,
+            inputs: &inputs,
+            members: &members,
+            options: options(),
+            channels,
+            shared_steps: false,
+            instruction_set,
+        };
         let rows = batch.run(1, &mut |_| false).unwrap();
         assert!(rows.failures.iter().all(Option::is_none));
         for k in 0..5 {

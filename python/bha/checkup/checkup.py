@@ -1,0 +1,282 @@
+"""Whether logs and an arm's file belong together: all checks, in the order in which one rests on the other."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.checkup.camera import Frame, frame_of
+from bha.checkup.explain import LEAST_TURN, NOTED_TURN, STANDARD_ERRORS, Verdict, judge
+from bha.checkup.facts import LogFacts, facts_of, read_pressures
+from bha.checkup.finding import Finding, merged, worst_first
+from bha.checkup.geometry import geometry_findings
+from bha.checkup.gravity import gravity_findings, sort_of_pressure_findings
+from bha.checkup.layout import Layout, layout_of
+from bha.checkup.ranges import length_findings, pressure_findings
+from bha.checkup.seen import Seen
+from bha.checkup.wiring import Evidence, evidence
+from bha.checkup.words import notes, untold, wiring_finding
+from bha.errors import LogWarning
+from bha.recordings import Recording, recordings
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.log import Log
+    from bha.recordings import PressureSort
+
+Array = NDArray[np.float64]
+
+#: A pressure that was not read for longer than this, s, leaves the rows meanwhile out.
+LONGEST_UNREAD = 1.0
+
+
+@dataclass(frozen=True)
+class Checkup:
+    """What came out of checking logs against an arm's file.
+
+    Attributes:
+        arm_name: name of the arm.
+        logs: what each log holds.
+        findings: what is to be said, faults first.
+        untold: what these logs cannot tell, in sentences.
+        recordings: the logs as the arm sees them.
+        evidence: what motions follow which pressures; None where nothing was to be compared.
+        verdict: what explains the motions; None likewise.
+    """
+
+    arm_name: str
+    logs: tuple[LogFacts, ...]
+    findings: tuple[Finding, ...]
+    untold: tuple[str, ...]
+    recordings: tuple[Recording, ...]
+    evidence: Evidence | None = None
+    verdict: Verdict | None = None
+
+    @property
+    def faults(self) -> tuple[Finding, ...]:
+        """Findings by which logs and file do not belong together as they are."""
+        return tuple(finding for finding in self.findings if finding.severity == "fault")
+
+    def warn(self, stacklevel: int = 2) -> None:
+        """Warn of each fault and each warning (:class:`bha.LogWarning`); notes are left out."""
+        for finding in self.findings:
+            if finding.severity != "note":
+                warnings.warn(str(finding), LogWarning, stacklevel=stacklevel + 1)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "arm": self.arm_name,
+            "faults": len(self.faults),
+            "findings": [finding.to_mapping() for finding in self.findings],
+            "not_told": list(self.untold),
+            "logs": [log.to_mapping() for log in self.logs],
+        }
+
+    def __repr__(self) -> str:
+        """Arm, logs and counts in one line."""
+        counts = [f"{sum(f.severity == s for f in self.findings)} {s}s" for s in ("fault", "warning", "note")]
+        return f"<Checkup of {self.arm_name!r}, {len(self.logs)} log{'s' * (len(self.logs) != 1)}: {', '.join(counts)}>"
+
+    def __str__(self) -> str:
+        """Findings and what is not told, as text."""
+        lines = [line for finding in self.findings for line in finding.lines()]
+        lines += [f"not told: {text}" for text in self.untold]
+        return "\n".join(lines or ["nothing found: file and logs belong together as far as these logs tell"])
+
+
+def check(
+    arm: Arm,
+    logs: Recording | Log | str | os.PathLike[str] | Sequence[Recording | Log | str | os.PathLike[str]],
+    *,
+    pressures: PressureSort | None = None,
+    missing: bool = False,
+) -> Checkup:
+    """Check whether logs and an arm's file belong together; some tenths of a second.
+
+    Pressures and lengths beside their ranges, gauge for absolute, units, implausible numbers of the file, the sign of
+    gravity, tubes and length sensors exchanged, chambers at another azimuth, a camera turned, mirrored or elsewhere.
+    What acts alike is said together with what tells it apart. See ``docs/check.md``.
+
+    Args:
+        arm: the arm.
+        logs: logs, paths or recordings, one or several.
+        pressures: which pressures drive the arm, see :class:`bha.Recording`.
+        missing: with paths: take NaN and empty cells of measured outputs as missing samples.
+
+    Raises:
+        LogError: a log cannot be read or lacks a pressure of the arm.
+        InputError: there is no log.
+    """
+    # What a recording warns of stands among the findings here.
+    made = recordings(arm, _several(logs), pressures=pressures, missing=missing, warn=False)
+    return check_recordings(arm, made)
+
+
+def check_recordings(arm: Arm, made: Sequence[Recording]) -> Checkup:
+    """The same of recordings: what runs in front of identification and diagnosis."""
+    layout = layout_of(arm)
+    found = geometry_findings(arm)
+    seen = []
+    for recording in made:
+        one = seen_of(recording)
+        ranges = _ranges(arm, layout, recording, one)
+        if not any(f.severity == "fault" and f.kind in ("gauge", "unit") for f in ranges):
+            sort = _sort_of_pressure(arm, layout, recording, one)
+            ranges = [
+                finding for finding in ranges if not sort or finding.kind not in ("gauge", "pressure_range")
+            ] + sort
+        found += ranges
+        seen.append(one)
+    facts = tuple(facts_of(recording) for recording in made)
+    for fact in facts:
+        found += fact.findings()
+    said: list[str] = []
+    result: tuple[Evidence | None, Verdict | None] = (None, None)
+    # Motions under pressures or in units that are wrong anyway would only repeat it.
+    blocked = [f for f in found if f.severity == "fault" and f.kind in ("gauge", "unit", "pressure_range", "geometry")]
+    movable = [one for one in seen if one.length_names or one.measured_heads()]
+    if not movable:
+        said.append("neither lengths nor heads are measured: nothing but pressures is checked")
+    elif any(f.kind == "geometry" for f in blocked):
+        said.append("tubes, azimuth, camera and gravity are not checked before the file's numbers are right")
+    else:
+        more, said, result = _motions(arm, layout, made, movable, said, blocked)
+        found += more
+    return Checkup(arm.name, facts, worst_first(merged(found)), tuple(said), tuple(made), *result)
+
+
+def _motions(
+    arm: Arm,
+    layout: Layout,
+    made: Sequence[Recording],
+    seen: Sequence[Seen],
+    said: list[str],
+    blocked: Sequence[Finding],
+) -> tuple[list[Finding], list[str], tuple[Evidence, Verdict]]:
+    """Camera first, then wiring in the frame that was found, then gravity."""
+    found: list[Finding] = []
+    camera = made[0].observation.camera.matrix
+    where = seen[0].name if len(seen) == 1 else "all logs"
+    frames = [frame_of(arm, one, camera, one.name) for one in seen]
+    odd = [frame for frame in frames if frame.findings]
+    # One camera for all logs: said once, and believed where most logs say so.
+    once = {(finding.kind, *sorted(finding.numbers)): finding for frame in odd for finding in frame.findings}
+    found += once.values()
+    believed = odd[0] if 2 * len(odd) > len(frames) else Frame.as_filed(seen[0])
+    framed = [_reframed(one, believed) for one in seen]
+    told = evidence(layout, framed)
+    verdict = judge(told)
+    columns = made[0].pressures.columns
+    wiring = wiring_finding(verdict, told, columns, believed.seen_by.T @ camera, where)
+    if wiring is not None:
+        found = _one_camera(found, wiring, [cause.kind for cause in verdict.causes])
+    found += notes(verdict, layout, where, NOTED_TURN, LEAST_TURN, STANDARD_ERRORS)
+    said = [*said, *untold(verdict, told, columns)]
+    if wiring is not None or blocked or odd:
+        said.append("the sign of gravity is not checked before the faults above are mended")
+    else:
+        more, told_sign = gravity_findings(arm, framed, told, where)
+        found += more
+        if not told_sign:
+            said.append("the sign of gravity: reversed it explains the poses about as well, with another stiffness")
+    return found, said, (told, verdict)
+
+
+def _one_camera(found: list[Finding], wiring: Finding, kinds: Sequence[str]) -> list[Finding]:
+    """The findings with that of the motions; what both say of the camera's axes is said once."""
+    axes = [finding for finding in found if finding.kind == "camera" and "angle_deg" in finding.numbers]
+    if not axes or kinds[:1] != ["camera"]:
+        return [*found, wiring]
+    (guess,) = axes[0].explanations
+    explanations = tuple(
+        replace(explanation, what=guess.what if kind == "camera" else f"{guess.what}, and {explanation.what}")
+        for explanation, kind in zip(wiring.explanations, kinds, strict=False)
+    )
+    evidence = f"{axes[0].evidence}; {wiring.evidence}"
+    whole = replace(axes[0], evidence=evidence, explanations=explanations, splits=wiring.splits)
+    return [whole if finding is axes[0] else finding for finding in found]
+
+
+def _reframed(seen: Seen, frame: Frame) -> Seen:
+    """The log with heads in the frame, order and place that were found."""
+    heads, good = seen.heads.copy(), seen.heads_good.copy()
+    measured = seen.measured_heads()
+    if len(measured) != len(frame.order):
+        return seen
+    heads[:, measured] = seen.heads[:, list(frame.order)]
+    good[:, measured] = seen.heads_good[:, list(frame.order)]
+    return replace(seen, heads=(heads + frame.shift) @ frame.seen_by, heads_good=good)
+
+
+def _ranges(arm: Arm, layout: Layout, recording: Recording, seen: Seen) -> list[Finding]:
+    found = pressure_findings(
+        arm,
+        layout.pressure_range,
+        recording.name,
+        recording.pressures.columns,
+        recording.log.gauge_columns,
+        seen.time,
+        seen.pressures,
+    )
+    own = [k for k, output in enumerate(recording.outputs) if output.kind == "length" and output.number > 0]
+    sections = [recording.outputs[k].section - 1 for k in own]
+    values = np.where(recording.usable[:, own], recording.measured[:, own], np.nan)
+    names = [recording.outputs[k].name for k in own]
+    return found + length_findings(layout.length_range[sections], recording.name, names, seen.time, values)
+
+
+def _sort_of_pressure(arm: Arm, layout: Layout, recording: Recording, seen: Seen) -> list[Finding]:
+    """Gauge for absolute by the poses of the model; only where something was measured to compare with."""
+    if not (seen.length_names or seen.measured_heads()):
+        return []
+    gauge, columns = recording.log.gauge_columns, recording.pressures.columns
+    return sort_of_pressure_findings(arm, seen, layout.pressure_range, gauge, columns)
+
+
+def seen_of(recording: Recording) -> Seen:
+    """What the checks look at of a recording."""
+    observation, outputs = recording.observation, recording.outputs
+    lengths = [k for k, output in enumerate(outputs) if output.kind == "length"]
+    rows = len(recording.time)
+    n = recording.arm.section_count
+    heads = np.full((rows, n, 3), np.nan)
+    good = np.zeros((rows, n), dtype=np.bool_)
+    for i in range(n):
+        own = {o.number: k for k, o in enumerate(outputs) if o.kind == "position" and o.section == i + 1}
+        if len(own) == 3:
+            columns = [own[axis] for axis in (1, 2, 3)]
+            heads[:, i] = observation.camera.base_positions(recording.measured[:, columns])
+            good[:, i] = recording.usable[:, columns].all(axis=1) & np.isfinite(heads[:, i]).all(axis=1)
+    driven = ~_undriven(recording)
+    return Seen(
+        name=recording.name,
+        time=recording.time,
+        pressures=read_pressures(recording),
+        length_names=tuple(outputs[k].name for k in lengths),
+        length_rows=observation.rows,
+        lengths=recording.measured[:, lengths] - observation.offsets,
+        lengths_good=recording.usable[:, lengths] & np.isfinite(recording.measured[:, lengths]) & driven[:, None],
+        heads=heads,
+        heads_good=good & driven[:, None],
+    )
+
+
+def _undriven(recording: Recording) -> NDArray[np.bool_]:
+    """Rows in which some pressure was not read for so long that what drove the arm is not known."""
+    lost = np.zeros(len(recording.time), dtype=np.bool_)
+    for fact in recording.pressure_facts:
+        for start, end in (*fact.frozen, *fact.dropouts):
+            if end - start > LONGEST_UNREAD:
+                lost |= (recording.time > start) & (recording.time <= end)
+    return lost
+
+
+def _several(logs: Any) -> Sequence[Any]:
+    return logs if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]

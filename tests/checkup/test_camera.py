@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import bha
+from bha.checkup.camera import signed_axes
+from bha.checkup.words import axes_text, rotation_text
+
+from .made_logs import about_z, arm_of, log_of, nominal, steps
+
+ARM = arm_of(nominal(2))
+RIGHT = steps(ARM)
+
+
+def check(see: str, camera: Callable[[np.ndarray], np.ndarray]) -> bha.Checkup:
+    return bha.check(ARM, log_of(ARM, *RIGHT, see=see, heads=camera))
+
+
+def repaired(found: bha.Checkup, see: str, camera: Callable[[np.ndarray], np.ndarray]) -> bha.Checkup:
+    """The check again, with the first line of ``[sensors]`` of the finding in the arm's file."""
+    lines = [e.repair for f in found.faults for e in f.explanations if e.repair.startswith("[sensors]")]
+    mapping = nominal(2)
+    for entry in lines[0].removeprefix("[sensors] ").split(", camera_"):
+        key, value = entry.split(" = ")
+        key = key if key.startswith("camera_") else f"camera_{key}"
+        mapping["sensors"][key] = json.loads(value)
+    return bha.check(arm_of(mapping), log_of(ARM, *RIGHT, see=see, heads=camera))
+
+
+CAMERAS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "mirrored x": lambda h: h * [-1.0, 1.0, 1.0],
+    "mirrored y": lambda h: h * [1.0, -1.0, 1.0],
+    "x and y exchanged": lambda h: h[..., [1, 0, 2]],
+    "turned by 90": lambda h: h @ about_z(90.0).T,
+    "turned by -35": lambda h: h @ about_z(-35.0).T,
+    "mirrored and turned": lambda h: (h * [1.0, -1.0, 1.0]) @ about_z(50.0).T,
+    "z reversed": lambda h: h * [1.0, 1.0, -1.0],
+    "half a turn about x": lambda h: h * [1.0, -1.0, -1.0],
+    "y up": lambda h: h[..., [0, 2, 1]],
+    "z, x, y": lambda h: h[..., [2, 0, 1]],
+}
+
+
+@pytest.mark.parametrize("see", ["heads", "both"])
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_camera_is_found_and_its_line_repairs_it(name: str, see: str) -> None:
+    found = check(see, CAMERAS[name])
+    assert len(found.faults) == 1
+    assert found.faults[0].kind in ("camera", "wiring")
+    again = repaired(found, see, CAMERAS[name])
+    assert again.faults == ()
+
+
+def test_a_camera_that_is_a_little_off_is_no_fault() -> None:
+    turn = about_z(5.0)
+    found = check("both", lambda h: h @ turn.T + np.array([0.02, 0.0, 0.015]))
+    assert found.faults == ()
+
+
+def test_a_camera_somewhere_else_is_a_warning_with_its_place() -> None:
+    found = check("heads", lambda h: h + np.array([2.0, 0.0, 1.0]))
+    (warning,) = [f for f in found.findings if f.severity == "warning"]
+    position = np.array(warning.numbers["position"])
+    # The model's pose under mean pressures is not the mean pose.
+    np.testing.assert_allclose(position, [-2.0, 0.0, -1.0], atol=0.15)
+    assert found.faults == ()
+
+
+def test_heads_exchanged() -> None:
+    found = check("heads", lambda h: h[:, ::-1])
+    (fault,) = found.faults
+    assert "rename x2 to x1, y2 to y1, z2 to z1, x1 to x2" in fault.explanations[0].repair
+
+
+def test_heads_in_millimetres_read_as_metres() -> None:
+    found = check("heads", lambda h: 1e3 * h)
+    assert any("m for mm" in e.what for f in found.faults for e in f.explanations)
+
+
+def test_texts_of_axes_and_rotations() -> None:
+    assert len(signed_axes()) == 48
+    assert axes_text(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])) == '["y", "-x", "z"]'
+    assert rotation_text(about_z(30.0)) == "[0.0, 0.0, 30.0]"
+    assert rotation_text(about_z(180.0)) in ("[0.0, 0.0, 180.0]", "[0.0, 0.0, -180.0]")
+    assert rotation_text(np.eye(3)) == "[0.0, 0.0, 0.0]"
