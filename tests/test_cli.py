@@ -75,8 +75,8 @@ def test_robots_lists_what_ships() -> None:
     assert tuple(found) == bha.robots.names()
     assert found["bha_nominal"]["bellows"] == [3, 3, 3]
     assert not found["bha_nominal"]["stiff"]
-    # 2.785 over the fastest rate of its linearization, 122.5 1/s.
-    assert found["bha_nominal"]["explicit_step"] == pytest.approx(2.785 / 122.509, rel=1e-3)
+    # RK4 is stable to 2.785 over a damped rate, the fastest of its linearization is 122.5 1/s; with a reserve.
+    assert 0.5 * 2.785 / 122.509 < found["bha_nominal"]["explicit_step"] < 2.785 / 122.509
     assert found["asu_two_section_january"]["stiff"]
     assert found["asu_two_section"]["bellows"] == [4, 4]
     assert "Bionic Handling Assistant" in found["bha_nominal"]["about"]

@@ -104,7 +104,7 @@ def test_batches_give_what_is_measured_or_what_is(arm: bha.Arm, swing: bha.Input
     times = np.linspace(0.0, 0.5, 11)
     for measured in (True, False):
         batch = bha.simulate_batch(
-            arms, swing, times=times, head_positions=True, head_orientations=True, measured=measured
+            arms, swing, times=times, head_positions=True, head_orientations=True, measured=measured, method="rk4"
         )
         for k, model in enumerate(arms):
             alone = bha.Simulation(model, swing, bha.Options(method="rk4")).advance(times)

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector, linalg::Schur};
 use std::sync::Arc;
 
 /// Fastest |eigenvalue| (1/s) up to which both sorts of methods are about equally fast, under inputs with the noise of
-/// sensors, be the mode damped or ringing (measured: docs/decisions/stiff-arms.md).
+/// sensors, be the mode damped or ringing (measured: docs/decisions/0002-stiff-arms.md).
 const RATE: f64 = 6000.0;
 /// States beyond which the fastest mode is sought by itself.
 const MANY: usize = 72;

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bha
-from bha.checkup.explain import exchanges, symmetries
+from bha.checkup.causes import exchanges, symmetries
 from bha.checkup.layout import layout_of
 from bha.checkup.response import BANK, Filter, filtered
 from bha.checkup.shape import from_heads, from_lengths, to_heads
@@ -297,3 +297,25 @@ def test_wires_on_the_wrong_sides_are_named_and_those_on_the_right_ones_are_not(
     assert bha.check(real, log).faults == ()
     found = bha.check(with_wires(180.0), log)
     assert any("wire1l" in what and "wire2r" in what for what in explanations(found))
+
+
+def test_sections_that_share_their_tubes_are_named_once() -> None:
+    mapping = nominal(2)
+    mapping["section"][1]["bellows"] = [{"angle_deg": 120.0 * k, "input": f"p1{k + 1}"} for k in range(3)]
+    arm = arm_of(mapping)
+    found = bha.check(arm, log_of(arm, *steps(arm), see="heads", feeds=[1, 0, 2]))
+    assert explanations(found).count("tubes exchanged: p11 and p12") == 1
+    assert bha.check(arm, log_of(arm, *steps(arm), see="heads")).faults == ()
+
+
+@pytest.mark.parametrize("rows", [1, 2, 5, 40])
+def test_short_logs_tell_nothing_and_break_nothing(rows: int) -> None:
+    arm = one_arm()
+    time, pressures = steps(arm, duration=2.0)
+    log = log_of(arm, time[:rows], pressures[:rows]) if rows > 1 else None
+    if log is None:
+        columns = {"t [s]": [0.0], "p11 [Pa]": [1.2e5], "p12 [Pa]": [1.2e5], "p13 [Pa]": [1.2e5], "q11 [m]": [0.2]}
+        log = bha.Log.from_arrays(columns)
+    found = bha.check(arm, log)
+    assert found.faults == ()
+    assert found.untold

@@ -115,3 +115,18 @@ def test_a_lag_of_two_stages_is_one_name_with_the_times_of_both(tmp_path: Path) 
     assert found.gap.after < 1.15 * found.gap.noise
     written = bha.Arm.load(tmp_path / "arm_diagnosed.toml").parameters.effects
     assert [e.kind for e in written] == ["pressure_lag", "pressure_lag"]
+
+
+@pytest.mark.filterwarnings("ignore::bha.LogWarning")
+@pytest.mark.parametrize("exchanged", [("p11", "p12"), ("q11", "q12")])
+def test_exchanged_tubes_or_sensors_are_no_physics(exchanged: tuple[str, str]) -> None:
+    logs = []
+    for log in make_logs(one_section(), [], seed=5, durations=DURATIONS):
+        other = dict(zip(exchanged, exchanged[::-1], strict=True))
+        columns = {f"{other.get(name, name)} [{log.units[name]}]": log[name] for name in log.columns}
+        logs.append(bha.Log.from_arrays(columns))
+    with pytest.warns(bha.LogWarning, match="tubes exchanged: p11 and p12"):
+        found = bha.diagnose(one_section(), logs[:2], logs[2:], kinds=("bending_nonlinear", "bending_damping"))
+    assert found.verdict == "unknown"
+    assert found.effects == []
+    assert "p11 and p12" in found.reason or "no effect" in found.reason

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.checkup.camera import Frame, frame_of
-from bha.checkup.explain import LEAST_TURN, NOTED_TURN, STANDARD_ERRORS, Verdict, judge
+from bha.checkup.causes import NOTED_TURN
+from bha.checkup.explain import LEAST_TURN, STANDARD_ERRORS, Verdict, judge
 from bha.checkup.facts import LogFacts, facts_of, read_pressures
 from bha.checkup.finding import Finding, merged, worst_first
 from bha.checkup.geometry import geometry_findings
 from bha.checkup.gravity import gravity_findings, sort_of_pressure_findings
-from bha.checkup.layout import Layout, layout_of
+from bha.checkup.layout import MOST_SECTIONS, Layout, layout_of
 from bha.checkup.ranges import length_findings, pressure_findings
 from bha.checkup.seen import Seen
 from bha.checkup.wiring import Evidence, evidence
@@ -119,6 +120,28 @@ def check(
     return check_recordings(arm, made)
 
 
+def checked(
+    arm: Arm,
+    logs: Sequence[Recording | Log | str | os.PathLike[str]],
+    *,
+    pressures: PressureSort | None = None,
+    missing: bool = False,
+) -> Checkup:
+    """Logs that are checked, and warned of: what identification and diagnosis begin with.
+
+    Raises:
+        LogError: a log cannot be read or lacks a pressure of the arm.
+        InputError: a recording is of another arm.
+
+    Warns:
+        LogWarning: logs and file do not belong together, or something else is to be doubted.
+    """
+    made = recordings(arm, logs, pressures=pressures, missing=missing, warn=False)
+    found = check_recordings(arm, made)
+    found.warn(stacklevel=3)
+    return found
+
+
 def check_recordings(arm: Arm, made: Sequence[Recording]) -> Checkup:
     """The same of recordings: what runs in front of identification and diagnosis."""
     layout = layout_of(arm)
@@ -144,6 +167,8 @@ def check_recordings(arm: Arm, made: Sequence[Recording]) -> Checkup:
     movable = [one for one in seen if one.length_names or one.measured_heads()]
     if not movable:
         said.append("neither lengths nor heads are measured: nothing but pressures is checked")
+    elif arm.section_count > MOST_SECTIONS:
+        said.append(f"arms of more than {MOST_SECTIONS} sections: tubes, azimuth, camera and gravity are not checked")
     elif any(f.kind == "geometry" for f in blocked):
         said.append("tubes, azimuth, camera and gravity are not checked before the file's numbers are right")
     else:
@@ -234,7 +259,8 @@ def _ranges(arm: Arm, layout: Layout, recording: Recording, seen: Seen) -> list[
 
 def _sort_of_pressure(arm: Arm, layout: Layout, recording: Recording, seen: Seen) -> list[Finding]:
     """Gauge for absolute by the poses of the model; only where something was measured to compare with."""
-    if not (seen.length_names or seen.measured_heads()):
+    measured = seen.length_names or seen.measured_heads()
+    if not measured or recording.arm.section_count > MOST_SECTIONS:
         return []
     gauge, columns = recording.log.gauge_columns, recording.pressures.columns
     return sort_of_pressure_findings(arm, seen, layout.pressure_range, gauge, columns)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bha.checkup.finding import Explanation, Finding, Severity
 from bha.checkup.layout import layout_of
+from bha.recordings import ranges
 
 if TYPE_CHECKING:
     from bha.recordings import ChannelFacts, Recording
@@ -21,6 +22,7 @@ STEP_SHARE, STEP_TIME = 0.1, 0.5
 #: A stretch is steady if for this long, s, no pressure moves by this share of its range and no output by this share of
 #: its travel (or six noises).
 STEADY_TIME, STEADY_PRESSURE, STEADY_OUTPUT = 1.0, 0.02, 0.02
+MOST_LOOKS = 6000
 #: Share of readings of a channel that may be lost without a word among the findings (the table has them all).
 WORTH_SAYING = 0.005
 
@@ -103,8 +105,7 @@ def facts_of(recording: Recording) -> LogFacts:
     rate = 1.0 / clock.interval if clock.interval > 0.0 else 0.0
     values = read_pressures(recording)
     all_rows = np.ones(len(values), dtype=np.bool_)
-    ranges = layout_of(recording.arm).pressure_range
-    least = STEP_SHARE * (ranges[:, 1] - ranges[:, 0])
+    least = STEP_SHARE * np.ptp(layout_of(recording.arm).pressure_range, axis=1)
     channels = []
     for k, fact in enumerate(recording.pressure_facts):
         steps = count_steps(recording.time, values[:, k], max(float(least[k]), 6.0 * fact.noise))
@@ -127,7 +128,8 @@ def facts_of(recording: Recording) -> LogFacts:
         channels=tuple(channels),
         steady=steady_stretches(recording),
         flaws=tuple(_grouped(flaws)),
-        unused=tuple(text for text in recording.findings if "_range of " not in text),
+        # What is outside of a range is a finding of its own here, with what repairs it.
+        unused=tuple(text for text in recording.findings if text not in ranges.outside(recording)),
     )
 
 
@@ -155,29 +157,20 @@ def count_steps(time: Array, values: Array, least: float) -> int:
 
 def steady_stretches(recording: Recording) -> tuple[tuple[float, float], ...]:
     """Stretches (from, to), s, in which neither pressures nor outputs move."""
-    time = recording.time
-    values = read_pressures(recording)
-    ranges = np.array([s.pressure_range for s in recording.arm.parameters.sections])
-    least = STEADY_PRESSURE * float(np.min(ranges[:, 1] - ranges[:, 0]))
+    # Some thousand looks are enough to find stretches of a second.
+    rows = slice(None, None, max(1, len(recording) // MOST_LOOKS))
+    time = recording.time[rows]
+    values = read_pressures(recording)[rows]
+    least = STEADY_PRESSURE * float(np.min(np.ptp(layout_of(recording.arm).pressure_range, axis=1)))
     noise = np.array([fact.noise for fact in recording.pressure_facts])
     still = _still(time, values, np.maximum(least, 6.0 * noise))
     if recording.outputs:
-        outputs = np.where(recording.usable, recording.measured, np.nan)
+        pairs = zip(recording.measured.T, recording.usable.T, strict=True)
         known = np.column_stack(
-            [
-                np.interp(time, time[g], o[g]) if g.any() else np.zeros(len(time))
-                for o, g in zip(outputs.T, recording.usable.T, strict=True)
-            ]
+            [np.interp(time, recording.time[g], o[g]) if g.any() else np.zeros(len(time)) for o, g in pairs]
         )
         kinds = np.array([output.kind for output in recording.outputs])
-        travel = np.array(
-            [
-                np.ptp(known[:, kinds == kind])
-                if kind == "orientation"
-                else np.max(np.ptp(known[:, kinds == kind], axis=0))
-                for kind in kinds
-            ]
-        )
+        travel = np.array([np.max(np.ptp(known[:, kinds == kind], axis=0)) for kind in kinds])
         still &= _still(time, known, np.maximum(STEADY_OUTPUT * travel, 6.0 * recording.noise))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int64), [0]])))
     spans: list[tuple[float, float]] = []
@@ -192,15 +185,14 @@ def steady_stretches(recording: Recording) -> tuple[tuple[float, float], ...]:
 
 def _still(time: Array, table: Array, limit: Array) -> NDArray[np.bool_]:
     """Rows from which on for a while no column (m, k) moves by more than its limit."""
-    ends = np.searchsorted(time, time + STEADY_TIME, side="right")
-    still = ends < len(time) + 1
-    still &= time + STEADY_TIME <= time[-1]
+    still = time + STEADY_TIME <= time[-1]
+    parts = STEADY_TIME * np.linspace(0.05, 1.0, 20)
+    looks = [np.minimum(np.searchsorted(time, time + part), len(time) - 1) for part in parts]
     for k in range(table.shape[1]):
         column = table[:, k]
         # Coarse is enough: about 20 looks a second of stretch.
         low, high = column.copy(), column.copy()
-        for part in np.linspace(0.05, 1.0, 20):
-            at = np.minimum(np.searchsorted(time, time + part * STEADY_TIME), len(time) - 1)
+        for at in looks:
             low, high = np.minimum(low, column[at]), np.maximum(high, column[at])
         still &= high - low <= limit[k]
     return np.asarray(still)

@@ -144,7 +144,7 @@ def sort_of_pressure_findings(
     repair = (
         f"leave (g) out of the headings of {shown}: '{columns[0]} [kPa]'"
         if is_gauge.all()
-        else f"write (g) behind the unit of {shown}: '{columns[0]} [kPa(g)]'"
+        else f"write (g) behind the unit of {shown}, as in '{columns[0]} [kPa(g)]'"
     )
     missed = f"{1e3 * as_filed:.3g} mm RMS" if np.isfinite(as_filed) else "no pose that it could hold"
     evidence = f"poses are missed by {missed} as the headings are, by {1e3 * flipped:.3g} mm the other way"

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+#: Arms of more sections are checked for all but what motions tell: the ways to exchange tubes are too many.
+MOST_SECTIONS = 12
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -124,6 +127,8 @@ def layout_of(arm: Arm) -> Layout:
 def _bending_gain(arm: Arm, bending: Complex, permitted: Array) -> Array:
     """Bending of each section by its drive, from the poses that the model holds around the middle of its pressures."""
     gains = np.full(arm.section_count, np.nan)
+    if arm.section_count > MOST_SECTIONS:
+        return gains
     middle = np.minimum(permitted.mean(axis=1), permitted[:, 0] + arm.parameters.ambient_pressure)
     for i, section in enumerate(arm.parameters.sections):
         j = int(np.argmax(np.abs(bending[i])))

@@ -127,7 +127,7 @@ def _heading_mistakes(
             repair = f"leave (g) out of the headings of {shown}: '{shown.split(',', maxsplit=1)[0]} [kPa]'"
         else:
             what = "gauge pressure without (g) in its heading"
-            repair = f"write (g) behind the unit of {shown}: '{shown.split(',', maxsplit=1)[0]} [kPa(g)]'"
+            repair = f"write (g) behind the unit of {shown}, as in '{shown.split(',', maxsplit=1)[0]} [kPa(g)]'"
         found.append((_spread(flipped, ranges) > LEAST_SPREAD, Explanation(what, repair)))
     for flip in (False, True):
         if flip and found:
@@ -168,7 +168,7 @@ def _vacuum(
     if min(least, single) >= VACUUM * ambient or inside(pressures + ambient, ranges, 0.5) < 0.5:
         return None
     severity: Severity = "fault" if single < ranges[:, 0].min() - TOLERANCE * ambient else "warning"
-    repair = f"write (g) behind the unit of {', '.join(columns[:3])}: '{columns[0]} [kPa(g)]'"
+    repair = f"write (g) behind the unit of {', '.join(columns[:3])}, as in '{columns[0]} [kPa(g)]'"
     what = f"absolute pressures of {_kilo(single)} kPa would be a vacuum that no bellows arm has"
     return severity, what, (Explanation("gauge pressure without (g) in its heading", repair),)
 

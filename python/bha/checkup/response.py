@@ -117,32 +117,33 @@ def moments(signals: list[Signals], bank: tuple[Filter, ...] = BANK) -> dict[tup
     """For each motion the moments with each filter's pressures, over all logs that have it."""
     blocks = list(dict.fromkeys(key for s in signals for key in s.motions))
     total = sum(int(s.good.sum()) for s in signals)
-    made: dict[tuple[str, int, str], list[list[tuple[Array, Complex, float]]]] = {
+    pieces: dict[tuple[str, int, str], list[list[tuple[Array, Complex, float]]]] = {
         key: [[] for _ in bank] for key in blocks
     }
     for signal in signals:
         good = signal.good
-        count = max(1, round(PIECES * int(good.sum()) / max(total, 1)))
-        cuts = np.array_split(np.arange(int(good.sum())), count)
+        rows = int(good.sum())
+        cuts = np.array_split(np.arange(rows), max(1, round(PIECES * rows / max(total, 1))))
         own = [key for key in blocks if key in signal.motions]
-        centred = {key: signal.motions[key][good] - signal.motions[key][good].mean() for key in own}
+        motions = np.column_stack([signal.motions[key][good] for key in own]) if own else np.empty((rows, 0))
+        motions = motions - motions.mean(axis=0)
+        # Side by side as real numbers: products of real matrices are fast.
+        table = np.concatenate([motions.real, motions.imag], axis=1)
+        squares = [np.sum(table[cut] ** 2, axis=0).reshape(2, -1).sum(axis=0) / total for cut in cuts]
         for k, pressures in enumerate(filtered(signal.pressures, signal.step, bank)):
             p = pressures[good]
             p = p - p.mean(axis=0)
-            products = [p[cut].T @ p[cut] / total for cut in cuts]
-            for key, y in centred.items():
-                for cut, pp in zip(cuts, products, strict=True):
-                    made[key][k].append((pp, y[cut] @ p[cut] / total, float(np.sum(np.abs(y[cut]) ** 2)) / total))
+            for cut, square in zip(cuts, squares, strict=True):
+                pp = p[cut].T @ p[cut] / total
+                real, imaginary = (table[cut].T @ p[cut] / total).reshape(2, len(own), -1)
+                for place, key in enumerate(own):
+                    pieces[key][k].append((pp, real[place] + 1j * imaginary[place], float(square[place])))
     return {
         key: [
-            Moments(
-                np.array([piece[0] for piece in pieces]),
-                np.array([piece[1] for piece in pieces]),
-                np.array([piece[2] for piece in pieces]),
-            )
-            for pieces in per_filter
+            Moments(np.array([p[0] for p in parts]), np.array([p[1] for p in parts]), np.array([p[2] for p in parts]))
+            for parts in per_filter
         ]
-        for key, per_filter in made.items()
+        for key, per_filter in pieces.items()
     }
 
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.checkup.explain import Cause, Verdict
+from bha.checkup.causes import Cause
+from bha.checkup.explain import Verdict
 from bha.checkup.finding import Explanation, Finding
 from bha.checkup.layout import Layout
 from bha.checkup.wiring import Evidence, as_filed, explained, explained_linear, seen_drive

@@ -25,5 +25,8 @@ missing_option = click.option(
 
 
 def read_logs(arm: Arm, paths: Sequence[Path], pressures: PressureSort | None, missing: bool) -> list[Recording]:
-    """Recordings of some files by one arm; all with the pressures of the first where none are asked for."""
-    return recordings(arm, paths, pressures=pressures, missing=missing)
+    """Recordings of some files by one arm; all with the pressures of the first where none are asked for.
+
+    What is to be warned of is said when they are checked.
+    """
+    return recordings(arm, paths, pressures=pressures, missing=missing, warn=False)

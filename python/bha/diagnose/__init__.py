@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
+from bha.checkup import checked
 from bha.errors import InputError
 from bha.extras import import_extra
 from bha.files import make_folder
-from bha.recordings import recordings
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -76,8 +76,8 @@ def diagnose(
 
     if not logs:
         raise InputError("logs: none; at least one is needed")
-    train = recordings(arm, logs, pressures=pressures)
-    held = recordings(arm, holdout, pressures=train[0].pressures.sort)
+    checkup = checked(arm, [*logs, *holdout], pressures=pressures)
+    train, held = checkup.recordings[: len(logs)], checkup.recordings[len(logs) :]
     # Held until all is written: two diagnoses into one folder would mix their results.
     with nullcontext() if folder is None else cache_folder(folder) as kept:
         if folder is not None:
@@ -90,6 +90,7 @@ def diagnose(
             threads=threads,
             progress=progress,
             cache_folder=kept,
+            faults=checkup.faults,
         )
         if folder is not None:
             diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])

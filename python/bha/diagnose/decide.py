@@ -8,7 +8,9 @@ whitening, the middle one is added here.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,9 @@ from numpy.typing import NDArray
 from bha.diagnose.fit import Fit, Problem, columns, evaluate, project_states
 from bha.diagnose.holdout import Holdout, Prediction, excesses
 from bha.diagnose.select import Search
+
+if TYPE_CHECKING:
+    from bha.checkup import Finding
 
 Array = NDArray[np.float64]
 
@@ -149,3 +154,14 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
         )
     rest = f"; what is left is {left:.0f} times the noise and not explained" if fine else ""
     return Verdict("named", removed + rest, closure)
+
+
+def without_faults(verdict: Verdict, faults: Sequence[Finding]) -> Verdict:
+    """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended."""
+    if not faults or verdict.verdict != "named":
+        return verdict
+    first = faults[0]
+    cause = f" ({first.explanations[0].what})" if first.explanations else ""
+    more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+    text = f"logs and file do not belong together: {first.what}{cause}{more}; mend that first, see bha check"
+    return Verdict("unknown", text, verdict.closure)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bha.diagnose import catalogue, excitation
 from bha.diagnose.baseline import Baseline, Prepared, cut_to, fit_baseline, prepare_runs, thin
 from bha.diagnose.cache import Cache, key_of
-from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test
+from bha.diagnose.decide import GapTest, Limits, Verdict, decide, gap_test, without_faults
 from bha.diagnose.engine import Engine, Job
 from bha.diagnose.fit import Fit, Problem, with_sensitivities
 from bha.diagnose.holdout import Holdout
@@ -36,6 +36,7 @@ from bha.errors import InputError
 
 if TYPE_CHECKING:
     from bha.arm import Arm
+    from bha.checkup import Finding
     from bha.recordings import Recording
 
 Array = NDArray[np.float64]
@@ -79,6 +80,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     kinds: Sequence[str] | None = None,
     rules: Rules | None = None,
     limits: Limits | None = None,
+    faults: Sequence[Finding] = (),
 ) -> Outcome:
     """Diagnose the arm of ``logs``; see :func:`bha.diagnose`."""
     arm, commanded = logs[0].acting, logs[0].pressures.sort == "commanded"
@@ -149,7 +151,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     for record, end in zip(held, until, strict=True):
         if np.isfinite(end):
             state.notes.append(f"{record.name}: compared up to {end:.1f} s; after that a model runs away")
-    verdict = decide(state, gap, after / noise_rms, limits)
+    verdict = without_faults(decide(state, gap, after / noise_rms, limits), faults)
     errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
     final = state.best if verdict.verdict == "named" else state.plain

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from bha.arm import Arm
+from bha.checkup import checked
 from bha.errors import InputError
 from bha.identify.free import FreeParameter, default_free
 from bha.identify.records import Record, record
 from bha.identify.refine import Settings, refine
 from bha.identify.result import Identification, identification
 from bha.log import Log
-from bha.recordings import PressureSort, Recording, recordings
+from bha.recordings import PressureSort, Recording
 
 
 def identify(
@@ -52,7 +53,8 @@ def identify(
         raise InputError("there is no log to identify from; give at least one")
     records = [item if isinstance(item, Record) else None for item in (*logs, *holdout)]
     others = [item for item in (*logs, *holdout) if not isinstance(item, Record)]
-    made = iter([record(arm, item) for item in recordings(arm, others, pressures=pressures)])
+    checkup = checked(arm, others, pressures=pressures) if others else None
+    made = iter([record(arm, item) for item in checkup.recordings] if checkup else [])
     every = [next(made) if rec is None else rec for rec in records]
     used, held = every[: len(logs)], every[len(logs) :]
     _check_once(used, held)

@@ -12,7 +12,7 @@ use crate::real::{Real, all_finite};
 
 /// How much more than the absolute tolerance of lengths a linearly implicit method's rates have, 1/s. The rates of a stiff arm
 /// bend wherever the input does, and forget their errors within a step or two: a tolerance as small as that of lengths
-/// takes two to three times the steps for digits that no length shows (measured: docs/decisions/stiff-arms.md).
+/// takes two to three times the steps for digits that no length shows (measured: docs/decisions/0002-stiff-arms.md).
 const RATES: f64 = 100.0;
 /// Steps longer than so many distances of bends go over them: the input is finer than what the arm follows.
 const BENDS: f64 = 4.0;

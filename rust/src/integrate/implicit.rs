@@ -4,7 +4,7 @@
 //! needs steps of 0.1 ms to follow a motion of seconds. (I - gamma h J) k = r needs J = df/dx, here by forward differences
 //! of the whole right-hand side, hidden states and chambers included: good to about 1e-6, which the methods tolerate
 //! (they are W-methods: of order 2 whatever stands for J), and cheap beside exact derivatives, which see neither
-//! (docs/decisions/stiff-arms.md).
+//! (docs/decisions/0002-stiff-arms.md).
 //! Where x = (q, q') the rows of q are known: q' is q', so that half of J is left to find and elimination leaves one
 //! system of half the size, (I - g D - g^2 K) k = r + g K r_q with g = gamma h, K = df/dq and D = df/dq'.
 
