@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "benches" / "blind"))
 
 from blindgen.runner import Folders  # noqa: E402
+from blindgen.scoring import quantiles  # noqa: E402
 from blindgen.sealing import ANSWER, unseal  # noqa: E402
 from blindgen.wide import bellows as b  # noqa: E402
 from blindgen.wide import faults, hidden, sensors  # noqa: E402
@@ -33,7 +35,7 @@ from blindgen.wide.runner import Product, call, command, read_run, results  # no
 from blindgen.wide.scoring import Run, Trial, report, score_trials  # noqa: E402
 from blindgen.wide.truth import Path as PressurePath  # noqa: E402
 from blindgen.wide.truth import plain_truth, read_lengths, simulate, through_path  # noqa: E402
-from blindgen.wide.verdicts import Said, read_said  # noqa: E402
+from blindgen.wide.verdicts import Said, read_said, with_refusal  # noqa: E402
 
 import bha  # noqa: E402
 
@@ -408,7 +410,8 @@ def test_case_is_the_same_again_and_betrays_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("seed", "pressures"), [(8, "measured"), (12, "measured"), (22, "commanded")])
 def test_core_with_true_values_leaves_what_is_sealed(tmp_path: Path, seed: int, pressures: str) -> None:
-    """From the written log to the error on it, units, gauge and all: the core with the true values against the answer."""
+    """From the written log to the error on it, units, gauge and all: the core with the true values against the
+    answer."""
     spec = replace(
         SPEC, seed=seed, group="null", kinds=(), strengths=(), sensors="coordinates", rate="100", pressures=pressures
     )
@@ -524,6 +527,16 @@ def test_scores_of_hand_made_diagnoses() -> None:
 def test_verdicts_of_today_and_to_come(tmp_path: Path, text: str, verdict: str) -> None:
     (tmp_path / "diagnosis.json").write_text(text, encoding="utf-8")
     assert read_said(tmp_path / "diagnosis.json").verdict == verdict
+
+
+def test_refusals_that_name_the_fault_and_endless_medians() -> None:
+    line = "error: log.csv: found -0.08 kPa; is this gauge pressure? Then write 'p11 [kPa(g)]'"
+    assert with_refusal(Said("failed"), line).says_fault("gauge_as_absolute")
+    assert not with_refusal(Said("failed"), "error: no head was measured").faults
+    assert not with_refusal(Said("named"), line).faults
+    assert quantiles([1.0, 2.0, 3.0, 4.0, 5.0, math.inf]) == "3.5 (1.5 to inf)"
+    assert quantiles([1.0, math.inf, math.inf]).endswith("to inf)")
+    assert quantiles([3.0]) == "3 (3 to 3)"
 
 
 def test_scores_of_hand_made_identifications(tmp_path: Path) -> None:

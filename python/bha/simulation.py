@@ -172,6 +172,7 @@ class Simulation:
             statistics={n: a - b for n, a, b in zip(names, self._counts, before, strict=True)},
             arm_name=self.arm.name,
             virtual_lengths=not self.arm.parameters.has_standard_bellows,
+            sensors=self.arm.parameters.sensors,
         )
         if failure is not None:
             failure.trajectory = trajectory
@@ -217,6 +218,7 @@ def output_times(
         raise InputError(f"t_end: {end} s lies before the first sample at {start} s")
     if dt is None:
         kept = time[time <= end]
+        kept = kept[np.concatenate([[True], np.diff(kept) != 0.0])]
         kept = kept if kept[-1] == end else np.append(kept, end)
         gaps = np.maximum(np.diff(kept), 0.0)
         pieces = np.maximum(np.ceil(gaps / ROW_DISTANCE * (1.0 - 1e-6)), 1.0)
@@ -265,7 +267,7 @@ def row_size(arm: Arm) -> int:
 
 def simulate(
     arm: Arm,
-    drive: Input | Log | Recording | Callable[[float], ArrayLike],
+    drive: Input | Log | Recording | str | os.PathLike[str] | Callable[[float], ArrayLike],
     *,
     t_end: float | None = None,
     dt: float | None = None,
@@ -282,9 +284,9 @@ def simulate(
 
     Args:
         arm: the arm.
-        drive: an :class:`Input`, a measured :class:`bha.Log` or :class:`bha.Recording` (pressures and external forces),
-            or a function of time that returns the pressures (inputs,), Pa absolute; a function is sampled every ``dt``
-            (1 ms) beforehand.
+        drive: an :class:`Input`, a measured :class:`bha.Log` (or the path of one) or :class:`bha.Recording` (pressures
+            and external forces), or a function of time that returns the pressures (inputs,), Pa absolute; a function is
+            sampled every ``dt`` (1 ms) beforehand.
         t_end: end, s; the last sample if None (needed for a function).
         dt: distance of the output rows, s. If None there is a row at each sample, and as many between samples further
             apart as make it 100 Hz.
@@ -354,7 +356,7 @@ def given_times(times: ArrayLike) -> NDArray[np.float64]:
 
 def as_input(
     arm: Arm,
-    drive: Input | Log | Recording | Callable[[float], ArrayLike],
+    drive: Input | Log | Recording | str | os.PathLike[str] | Callable[[float], ArrayLike],
     *,
     t_end: float | None = None,
     dt: float | None = None,
@@ -370,8 +372,8 @@ def as_input(
         return drive
     if isinstance(drive, Recording):
         return drive.drive
-    if isinstance(drive, Log):
-        return Input.from_log(arm, drive, pressures=pressures)
+    if isinstance(drive, Log | str | os.PathLike):
+        return Recording(arm, drive, pressures=pressures).drive
     if callable(drive):
         if t_end is None:
             raise InputError("t_end: an end time is needed where the pressures are a function of time")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bha import names
 from bha.errors import InputError
 from bha.files import written_whole
+from bha.parameters import SensorsParameters
 from bha.trajectory_formats import ARRAYS, BLOCK_ROWS, NOT_WRITTEN, OPTIONAL_ARRAYS, Sink, open_sink, written_arrays
 
 
@@ -42,6 +43,8 @@ class Trajectory:
         measured_head_positions: head positions as they are measured, m, shape (m, n, 3), where an effect of the arm
             delays them; else None. Files hold the true ones.
         measured_head_orientations: orientations likewise, shape (m, n, 4), or None.
+        sensors: what the arm's file says of its sensors: files hold heads in the camera's frame, as a log of the arm
+            does; here they are in the base frame.
         virtual_lengths: whether ``lengths`` are no bellows' own, because the arm's bellows are not the standard three
             (at 0, 120 and 240 degrees, at ``bellows_radius``), but those of the three coordinates there: files name
             them ``qv11`` then.
@@ -63,6 +66,7 @@ class Trajectory:
     measured_head_positions: NDArray[np.float64] | None = None
     measured_head_orientations: NDArray[np.float64] | None = None
     virtual_lengths: bool = False
+    sensors: SensorsParameters | None = None
 
     def __post_init__(self) -> None:
         """Check what was given and make it read-only, without copying it."""
@@ -163,7 +167,13 @@ class Trajectory:
 
     def table(self) -> NDArray[np.float64]:
         """All columns side by side in the order of ``columns()``, shape (m, number of columns); a copy."""
-        heads = [a.reshape(len(self), -1) for a in (self.head_positions, self.head_orientations) if a is not None]
+        from bha.recordings.geometry import camera_frame  # noqa: PLC0415  (its package imports this module)
+
+        camera = camera_frame(self.sensors)
+        heads = [camera.positions(self.head_positions)]
+        if self.head_orientations is not None:
+            heads.append(camera.orientations(self.head_orientations))
+        heads = [table.reshape(len(self), -1) for table in heads]
         return np.column_stack([self.time, self.lengths, self.velocities, self.pressures, *heads])
 
     def write(self, path: str | os.PathLike[str]) -> Path:

@@ -283,6 +283,9 @@ def quantiles(values: Sequence[float]) -> str:
         place = share * (len(ordered) - 1)
         low = int(place)
         high = min(low + 1, len(ordered) - 1)
+        # Between equals, infinite ones too, there is nothing to interpolate.
+        if ordered[low] == ordered[high] or place == low:
+            return ordered[low]
         return ordered[low] + (place - low) * (ordered[high] - ordered[low])
 
     return f"{at(0.5):.3g} ({at(0.1):.3g} to {at(0.9):.3g})"

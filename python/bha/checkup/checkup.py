@@ -247,14 +247,14 @@ def _ranges(arm: Arm, layout: Layout, recording: Recording, seen: Seen) -> list[
         recording.name,
         recording.pressures.columns,
         recording.log.gauge_columns,
-        seen.time,
-        seen.pressures,
+        recording.time,
+        read_pressures(recording),
     )
     own = [k for k, output in enumerate(recording.outputs) if output.kind == "length" and output.number > 0]
     sections = [recording.outputs[k].section - 1 for k in own]
     values = np.where(recording.usable[:, own], recording.measured[:, own], np.nan)
     names = [recording.outputs[k].name for k in own]
-    return found + length_findings(layout.length_range[sections], recording.name, names, seen.time, values)
+    return found + length_findings(layout.length_range[sections], recording.name, names, recording.time, values)
 
 
 def _sort_of_pressure(arm: Arm, layout: Layout, recording: Recording, seen: Seen) -> list[Finding]:
@@ -270,25 +270,25 @@ def seen_of(recording: Recording) -> Seen:
     """What the checks look at of a recording."""
     observation, outputs = recording.observation, recording.outputs
     lengths = [k for k, output in enumerate(outputs) if output.kind == "length"]
-    rows = len(recording.time)
+    rows, measured, usable = recording.aligned
     n = recording.arm.section_count
-    heads = np.full((rows, n, 3), np.nan)
-    good = np.zeros((rows, n), dtype=np.bool_)
+    heads = np.full((len(rows), n, 3), np.nan)
+    good = np.zeros((len(rows), n), dtype=np.bool_)
     for i in range(n):
         own = {o.number: k for k, o in enumerate(outputs) if o.kind == "position" and o.section == i + 1}
         if len(own) == 3:
             columns = [own[axis] for axis in (1, 2, 3)]
-            heads[:, i] = observation.camera.base_positions(recording.measured[:, columns])
-            good[:, i] = recording.usable[:, columns].all(axis=1) & np.isfinite(heads[:, i]).all(axis=1)
-    driven = ~_undriven(recording)
+            heads[:, i] = observation.camera.base_positions(measured[:, columns])
+            good[:, i] = usable[:, columns].all(axis=1) & np.isfinite(heads[:, i]).all(axis=1)
+    driven = ~_undriven(recording)[rows]
     return Seen(
         name=recording.name,
-        time=recording.time,
-        pressures=read_pressures(recording),
+        time=recording.time[rows],
+        pressures=read_pressures(recording)[rows],
         length_names=tuple(outputs[k].name for k in lengths),
         length_rows=observation.rows,
-        lengths=recording.measured[:, lengths] - observation.offsets,
-        lengths_good=recording.usable[:, lengths] & np.isfinite(recording.measured[:, lengths]) & driven[:, None],
+        lengths=measured[:, lengths] - observation.offsets,
+        lengths_good=usable[:, lengths] & np.isfinite(measured[:, lengths]) & driven[:, None],
         heads=heads,
         heads_good=good & driven[:, None],
     )

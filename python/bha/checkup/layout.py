@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import BhaError
+from bha.recordings.ranges import input_ranges
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -94,7 +95,7 @@ def layout_of(arm: Arm) -> Layout:
     n, names = arm.section_count, arm.inputs
     bending = np.zeros((n, len(names)), dtype=np.complex128)
     axial = np.zeros((n, len(names)))
-    permitted = np.column_stack([np.zeros(len(names)), np.full(len(names), np.inf)])
+    permitted = input_ranges(arm)
     angles, radii, fed_by = [], [], []
     for i, section in enumerate(parameters.sections):
         bellows = section.resolved_bellows(i + 1)
@@ -102,8 +103,6 @@ def layout_of(arm: Arm) -> Layout:
         for b, j in zip(bellows, feeds, strict=True):
             bending[i, j] -= b.terminal_area * b.radius * np.exp(1j * b.angle)
             axial[i, j] += b.terminal_area
-            low, high = section.pressure_range
-            permitted[j] = max(permitted[j, 0], low), min(permitted[j, 1], high)
         angles.append(np.array([b.angle for b in bellows]))
         radii.append(np.array([b.radius for b in bellows]))
         fed_by.append(feeds)

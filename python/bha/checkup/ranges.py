@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.checkup.finding import Explanation, Finding, Severity
+from bha.recordings.ranges import TOLERANCE, excursions
 
 if TYPE_CHECKING:
     from bha.arm import Arm
 
 Array = NDArray[np.float64]
 
-#: Beyond a range by this share of it counts as outside: valves overshoot, sensors have offsets.
-TOLERANCE = 0.15
 #: Fewer values inside than the first share, and a mistake is looked for that brings more than the second one inside.
 DOUBTED, BELIEVED = 0.6, 0.95
 #: A log is expected to use this share of the range in some chamber.
@@ -233,31 +232,6 @@ def length_findings(ranges: Array, name: str, columns: Sequence[str], time: Arra
             (Explanation("unit, zero or range", repair),),
         )
     ]
-
-
-def excursions(time: Array, values: Array, ranges: Array, columns: Sequence[str], unit: str) -> list[str]:
-    """For each column that leaves its range by more than the tolerance: channel, value, time and range."""
-    said = []
-    for k, column in enumerate(columns):
-        low, high = ranges[k]
-        known = np.isfinite(values[:, k])
-        if not known.any():
-            continue
-        at, given = time[known], values[known, k]
-        above, below = int(np.argmax(given)), int(np.argmin(given))
-        over, under = given[above] - high, low - given[below]
-        if max(over, under) > TOLERANCE * (high - low):
-            place = above if over >= under else below
-            said.append(
-                f"{column} reaches {_readable(given[place], unit)} at {at[place]:.4g} s, permitted are "
-                f"{_readable(low, unit, bare=True)} to {_readable(high, unit)}"
-            )
-    return said
-
-
-def _readable(value: float, unit: str, *, bare: bool = False) -> str:
-    text, shown = (f"{value / 1e3:.4g}", "kPa") if unit == "Pa" else (f"{1e3 * value:.4g}", "mm")
-    return text if bare else f"{text} {shown}"
 
 
 def _kilo(pressure: float) -> str:

@@ -86,9 +86,9 @@ def _print(found: Diagnosis, out: Path) -> None:
         "no_gap": "No significant gap",
         "unknown": "A gap that no known effect explains",
     }
-    say(f": {found.reason}", head=verdict[found.verdict])
     if not found.complete:
-        say("Interrupted: the search is not complete; the same command goes on.")
+        say("Interrupted: the search is not complete; the same command goes on. So far:")
+    say(f": {found.reason}", head=verdict[found.verdict])
     gap = found.gap
     say(
         f"open-loop error on {', '.join(gap.holdout)}: {1e3 * gap.before:.3g} mm before, "

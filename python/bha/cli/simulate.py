@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, get_args
 
@@ -89,7 +90,7 @@ def simulate(
         counts: dict[str, int] = {}
         rows = 0
         bar.reset(task, description="simulating", total=float(len(times)))
-        with TrajectoryWriter(out, keep_partial=True) if out is not None else nullcontext() as writer:
+        with _said_what_is_kept(out), TrajectoryWriter(out, keep_partial=True) if out else nullcontext() as writer:
             for piece in run.run(times, CHUNK_ROWS):
                 if writer is not None:
                     writer.append(piece)
@@ -103,7 +104,18 @@ def simulate(
     written = [] if out is None else [out]
     if plot:
         written += _figures(arm, concatenate(kept), recording, out or input_path)
-    _report(arm, times, run.method, counts, errors, written, as_json)
+    _report(arm, times, (run.method, recording.pressures.sort), counts, errors, written, as_json)
+
+
+@contextmanager
+def _said_what_is_kept(out: Path | None) -> Iterator[None]:
+    """After Ctrl-C it is said that the file holds a part of the run."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if out is not None and out.exists():
+            click.echo(f"{out} holds the rows until then", err=True)
+        raise
 
 
 class OutputErrors:
@@ -170,12 +182,13 @@ def _figures(arm: Arm, shown: Trajectory, recording: Recording, beside: Path) ->
 def _report(
     arm: Arm,
     times: NDArray[np.float64],
-    method: str,
+    method_and_sort: tuple[str, str],
     counts: dict[str, int],
     errors: OutputErrors | None,
     written: list[Path],
     as_json: bool,
 ) -> None:
+    method, sort = method_and_sort
     if as_json:
         result: dict[str, Any] = {"arm": arm.name, "rows": len(times), "end": times[-1], "method": method}
         result |= {**counts, "written": written}
@@ -189,7 +202,7 @@ def _report(
         print_json(result)
         return
     say(
-        f"{arm.name}: {times[-1] - times[0]:.6g} s in {counts['steps']} steps of {method} "
+        f"{arm.name}: {times[-1] - times[0]:.6g} s of {sort} pressures in {counts['steps']} steps of {method} "
         f"({counts['rejected_steps']} rejected), {len(times)} rows"
     )
     if errors is not None:

@@ -162,7 +162,9 @@ def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period
     if kind == "move":
         limits = Limits.of(arm)
         middle, half = (limits.shortest + limits.longest) / 2, (limits.longest - limits.shortest) / 2
-        bend = np.tile([-0.3, 0.15, 0.15], arm.section_count)
+        # A slender arm bends far for small differences of its lengths: by no more than a radian here.
+        radius = np.repeat([section.bellows_radius for section in arm.parameters.sections], 3)
+        bend = np.tile([-0.3, 0.15, 0.15], arm.section_count) * np.minimum(1.0, radius / (0.3 * half))
         fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
         # From where the arm can rest to where it can rest: nearest to a bend that is meant for any arm.
         start, end = (

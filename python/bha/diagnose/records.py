@@ -132,9 +132,8 @@ def prepare(recording: Recording, *, name: str | None = None) -> Record:
             f"{origin}: neither bellows lengths (q11 ...) nor head positions (x1 y1 z1 ...) of the arm were measured; "
             "a diagnosis needs one of them"
         )
-    usable, measured = recording.usable[:, kept], recording.measured[:, kept]
-    forward = np.concatenate([[True], np.diff(recording.time) > 0.0])
-    chosen = np.flatnonzero(np.any(usable, axis=1) & forward)
+    chosen, outputs, good = recording.aligned
+    outputs, good = outputs[:, kept], good[:, kept]
     if len(chosen) < FEWEST_ROWS:
         raise InputError(f"{origin}: {len(chosen)} rows hold a reading that counts; at least {FEWEST_ROWS} are needed")
     drive = recording.drive
@@ -145,8 +144,8 @@ def prepare(recording: Recording, *, name: str | None = None) -> Record:
         pressures=np.array(drive.pressures),
         forces=forces,
         rows=recording.drive_rows[chosen],
-        outputs=_filled(recording.time, measured, usable)[chosen],
-        good=usable[chosen],
+        outputs=outputs,
+        good=good,
         observation=Observation.of(recording.arm.parameters, [recording.outputs[k] for k in kept]),
         facts=tuple(recording.facts[k] for k in kept),
         pressure_facts=tuple(
@@ -154,15 +153,6 @@ def prepare(recording: Recording, *, name: str | None = None) -> Record:
             for fact, noise in zip(recording.pressure_facts, recording.pressure_noise, strict=True)
         ),
     )
-
-
-def _filled(time: Array, measured: Array, usable: NDArray[np.bool_]) -> Array:
-    """The outputs with a straight line between readings where none counts, so that filters and figures go through."""
-    filled = measured.copy()
-    for column, good in zip(filled.T, usable.T, strict=True):
-        if not good.all() and good.any():
-            column[~good] = np.interp(time[~good], time[good], column[good])
-    return filled
 
 
 def from_rest(record: Record) -> Record:

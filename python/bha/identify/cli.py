@@ -34,8 +34,9 @@ NOT_CONVERGED = 3
 @click.option("--free", "free", metavar="PATH[=START[:LOW:HIGH]]", multiple=True,
               help="Parameter to estimate, section.2.mass or section.*.damping (may be repeated). "
                    "If left out: mass, stiffness, bending stiffness and damping of every section.")  # fmt: skip
-@click.option("--windows", metavar="S,S", default="0.75,6", show_default=True,
-              help="Lengths of the simulated windows, stage by stage [s]; 'all' is a whole log.")  # fmt: skip
+@click.option("--windows", metavar="S,S",
+              help="Lengths of the simulated windows, stage by stage [s]; 'all' is a whole log. Left out: 0.75,6; "
+              "6,all where commands go through pneumatics or a pressure lag.")  # fmt: skip
 @click.option("--step", type=float, help="Step of the integrator [s]; chosen and checked if left out.")
 @pressures_option
 @missing_option
@@ -50,7 +51,7 @@ def identify_command(
     out: Path | None,
     holdouts: tuple[Path, ...],
     free: tuple[str, ...],
-    windows: str,
+    windows: str | None,
     step: float | None,
     pressures: PressureSort | None,
     missing: bool,
@@ -64,7 +65,8 @@ def identify_command(
     A fit that does not converge says so, keeps its best point and ends with exit code 3.
     """
     check_target(out)  # before the work, lest it be lost
-    settings = Settings(windows=_windows(windows), step=step, max_iterations=max_iterations, seed=seed)
+    lengths = None if windows is None else _windows(windows)
+    settings = Settings(windows=lengths, step=step, max_iterations=max_iterations, seed=seed)
     parameters = [_free(text) for text in free] or None
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading logs", total=1.0)

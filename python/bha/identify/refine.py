@@ -48,7 +48,9 @@ class Settings:
     """How to fit.
 
     Attributes:
-        windows: lengths of the windows of the successive stages, s; None is a whole log.
+        windows: lengths of the windows of the successive stages, s; None in it is a whole log. None in its place: 0.75
+            and 6 s; 6 s and whole logs where pressures have a memory of what was before a window (commands through
+            pneumatics, a pressure lag): a window begins as if they had been at rest.
         huber: Huber's constant, in scales of the residuals; infinite for plain least squares.
         step: step of the integrator, s; chosen and checked if None.
         method: the integrator, ``"rk4"`` or ``"ros2"``; chosen if None (``"rk4"`` where only ``step`` is given).
@@ -62,7 +64,7 @@ class Settings:
         seed: of the redrawn noises.
     """
 
-    windows: tuple[float | None, ...] = (0.75, 6.0)
+    windows: tuple[float | None, ...] | None = None
     huber: float = HUBER
     step: float | None = None
     method: Method | None = None
@@ -157,6 +159,8 @@ def refine(
     """
     began = clock.perf_counter()
     settings = settings or Settings()
+    if settings.windows is None:
+        settings = replace(settings, windows=(6.0, None) if _remembers(arm, records) else (0.75, 6.0))
     coordinates = resolve(arm.parameters, free)
     model = Model(arm.parameters, coordinates, tuple(records), threads=settings.threads)
     z = np.zeros(len(coordinates))
@@ -245,8 +249,16 @@ def _integrated(
     return replace(chosen, step=chosen.step * (finer or 1.0))
 
 
+def _remembers(arm: Arm, records: Sequence[Record]) -> bool:
+    """Whether pressures that act depend on commands of long before."""
+    commanded = any(rec.drive.commanded for rec in records)
+    lags = any(effect.kind == "pressure_lag" for effect in arm.parameters.effects)
+    return lags or (commanded and arm.pneumatics_level != "ideal")
+
+
 def _stages(settings: Settings) -> list[tuple[float | None, float, float | None]]:
     """Length of windows, interval of rows and budget of the stages: coarse and on a part first, on everything last."""
+    assert settings.windows is not None
     short = (_SHORT_BUDGET if length is not None and length <= 2.0 else None for length in settings.windows)
     coarse = max(_COARSE_INTERVAL, settings.interval)
     stages = [(length, coarse, budget) for length, budget in zip(settings.windows, short, strict=True)]

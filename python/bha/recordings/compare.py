@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bha.errors import InputError
 from bha.recordings.interpolation import akima
 from bha.recordings.outputs import Observation, observe
+from bha.recordings.samples import judge
 from bha.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -76,18 +77,19 @@ def predicted(recording: Recording, trajectory: Trajectory) -> Array:
 
 
 def as_trajectory(recording: Recording) -> Trajectory:
-    """What was measured, a row a row of the log: heads in the base frame, coordinates where the lengths tell them.
+    """What was measured, in rows that all outputs share: heads in the base frame, coordinates where lengths tell them.
 
     Velocities, and whatever was not measured, are NaN. Delays, gains and offsets of sensors are not taken back.
     """
-    shown = np.where(recording.usable, recording.measured, np.nan)
+    rows, values, good = recording.aligned
+    shown = np.where(good, values, np.nan)
     lengths = coordinates(recording.observation, shown)
     drive = recording.drive
     return Trajectory(
-        time=recording.time,
+        time=recording.time[rows],
         lengths=lengths,
         velocities=np.full_like(lengths, np.nan),
-        pressures=drive.pressures[recording.drive_rows],
+        pressures=drive.pressures[recording.drive_rows[rows]],
         head_positions=head_positions(recording.observation, shown),
         input_names=recording.arm.inputs,
         statistics={},
@@ -123,8 +125,17 @@ def head_positions(observation: Observation, shown: Array) -> Array:
 def shown_by(arm: Arm, log: Log, origin: str) -> tuple[Array, Array]:
     """Coordinates (m, 3n) and head positions (m, n, 3) of a log that need not say what drives the arm: a reference.
 
+    Between readings that count, and over what is left out, stands a curve through them.
+
     Raises:
         LogError: a name that the arm's layout contradicts.
     """
     observation, measured, _ = observe(arm, log, origin)
-    return coordinates(observation, measured), head_positions(observation, measured)
+    filled = measured.copy()
+    for k, output in enumerate(observation.outputs):
+        fact, usable = judge(log.time, output.name, output.unit, measured[:, k])
+        forward = usable & np.concatenate([[True], np.diff(log.time) > 0.0])
+        if forward.sum() >= 3 and not usable.all():
+            curve = akima if fact.held > 0.0 else np.interp
+            filled[:, k] = curve(log.time, log.time[forward], measured[forward, k])
+    return coordinates(observation, filled), head_positions(observation, filled)

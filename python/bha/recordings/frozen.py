@@ -34,6 +34,8 @@ def frozen_spans(time: Array, pressures: Array, output_time: Array, outputs: Arr
         outputs: what was measured of the arm, shape (k, C); NaN where nothing counts.
         noise: of each output, shape (C,).
     """
+    known = np.any(np.isfinite(outputs), axis=0)
+    outputs, noise = outputs[:, known], noise[known]
     if not outputs.size:
         return ()
     travel = np.nanquantile(outputs, 0.98, axis=0) - np.nanquantile(outputs, 0.02, axis=0)

@@ -88,8 +88,15 @@ def choose_sort(arm: Arm, log: Log, asked: PressureSort | None, origin: str) -> 
         return asked, "asked for"
     if not missing["measured"]:
         return "measured", "the log has both" if not missing["commanded"] else "the log has no others"
-    if not missing["commanded"]:
+    if len(missing["measured"]) == len(arm.inputs) and not missing["commanded"]:
         return "commanded", "the log has no others"
+    if not missing["commanded"]:
+        # Some measured ones are there: one that is misspelt must not decide what drives the arm.
+        lost = ", ".join(missing["measured"])
+        raise LogError(
+            f"{origin}: measured pressures are there, but not {lost}; all commanded ones are. Rename the column that "
+            "is meant, or drive with the commanded ones: --pressures commanded (in Python pressures='commanded')"
+        )
     lacking = missing["measured"] if len(missing["measured"]) <= len(missing["commanded"]) else missing["commanded"]
     # The log says itself, with the nearest name, why a column cannot be read.
     log[lacking[0]]
@@ -119,6 +126,7 @@ def between_fresh(time: Array, pressures: Array, facts: Sequence[ChannelFacts], 
     for k, fact in enumerate(facts):
         good = np.flatnonzero(usable[:, k])
         if (fact.held > 0.0 or fact.spikes or fact.dropouts) and len(good) >= 2:
+            good = good[np.concatenate([[True], np.diff(time[good]) > 0.0])]
             knots, values = time[good], pressures[good, k]
             # A reading that stays for longer than usual has been renewed by the same value: it changes at the end.
             late = np.flatnonzero(np.diff(knots) > 2.5 * fact.interval) if fact.held > 0.0 else np.empty(0, dtype=int)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from bha.errors import InputError, LogError, LogWarning
 from bha.log import Log
-from bha.recordings import clock, compare, frozen, pressures, ranges, samples, unused
+from bha.recordings import aligned, clock, compare, frozen, pressures, ranges, samples, unused
 from bha.recordings.outputs import Output, observe
 from bha.recordings.pressures import PressureChoice, PressureSort
 from bha.recordings.samples import ChannelFacts
@@ -157,6 +157,8 @@ class Recording:
         names_used = {*self.log.gauge_columns, *self.observation.names, *self.pressures.columns}
         if text := unused.unused(self.log, names_used):
             said.append(text)
+        if text := clock.doubt(self.clock, float(self.time[0]), measured=bool(self.outputs)):
+            said.append(text)
         said += ranges.outside(self)
         return said
 
@@ -189,15 +191,22 @@ class Recording:
             if fact.held > 0.0:
                 said.append(f"{fact.name} renews every {fact.interval:.3g} s: {verb}")
             if fact.frozen:
-                said.append(f"{fact.name} is frozen {_spans(fact.frozen)}: what the arm does then does not count")
+                said.append(f"{fact.name} is frozen {self._spans(fact.frozen)}: what the arm does then does not count")
             if fact.dropouts:
-                said.append(f"{fact.name} stands still {_spans(fact.dropouts)}: left out")
+                said.append(f"{fact.name} stands still {self._spans(fact.dropouts)}: left out")
             if fact.spikes:
-                at = ", ".join(f"{t:.10g}" for t in fact.spikes[:3]) + (" ..." if len(fact.spikes) > 3 else "")
-                said.append(f"{fact.name} jumps in {len(fact.spikes)} readings, at {at} s: left out")
+                many = f"{len(fact.spikes)} reading{'s' * (len(fact.spikes) != 1)}"
+                at = ranges.moment(fact.spikes[0], float(self.time[0]))
+                said.append(f"{fact.name} jumps in {many}, the first at {at}: left out")
             if fact.missing > 0.0:
                 said.append(f"{fact.name} is missing in {100.0 * fact.missing:.3g} % of the rows")
         return tuple(said)
+
+    def _spans(self, spans: Sequence[tuple[float, float]]) -> str:
+        """``"from 3.1 s to 3.7 s, from 5 s to 6 s and 2 more"``."""
+        first = float(self.time[0])
+        shown = ", ".join(f"from {ranges.moment(a, first)} to {ranges.moment(b, first)}" for a, b in spans[:3])
+        return shown + (f" and {len(spans) - 3} more" if len(spans) > 3 else "")
 
     @property
     def pressure_noise(self) -> Array:
@@ -230,6 +239,11 @@ class Recording:
         """For each row of the log its sample of :attr:`drive`, shape (m,)."""
         return self._drive[1]
 
+    @cached_property
+    def aligned(self) -> tuple[NDArray[np.intp], Array, Mask]:
+        """Rows (k,) in which all outputs are known together, their values (k, C) there, and which of these count."""
+        return aligned.aligned(self.time, self.measured, self.usable, self.facts)
+
     def errors(self, trajectory: Trajectory) -> Array:
         """Simulated minus measured outputs at the rows of a trajectory of this drive, shape (rows, C).
 
@@ -244,6 +258,14 @@ class Recording:
     def __len__(self) -> int:
         """Number of rows."""
         return len(self.time)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether arm, log and what was decided are equal."""
+        if not isinstance(other, Recording):
+            return NotImplemented
+        return (self.arm, self.log, self.name, self.pressures) == (other.arm, other.log, other.name, other.pressures)
+
+    __hash__ = None  # type: ignore[assignment]
 
     def to_mapping(self) -> dict[str, Any]:
         """What was decided and found, for JSON."""
@@ -333,9 +355,3 @@ def _line(fact: ChannelFacts) -> str:
     if fact.quantum > 0.0:
         parts.append(f"steps of {fact.quantum:.3g} {fact.unit}")
     return f"{fact.name}: " + ", ".join(parts)
-
-
-def _spans(spans: Sequence[tuple[float, float]]) -> str:
-    """``"from 3.1 to 3.7 s, from 5 to 6 s and 2 more"``."""
-    shown = ", ".join(f"from {a:.10g} to {b:.10g} s" for a, b in spans[:3])
-    return shown + (f" and {len(spans) - 3} more" if len(spans) > 3 else "")

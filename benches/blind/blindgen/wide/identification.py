@@ -88,9 +88,8 @@ def score_identifications(rows: Iterable[tuple[dict[str, Any], Identified, Run]]
         score.count("all: traceback (wanted: none)", run.traceback)
         if failed:
             what = "timeout" if run.timed_out else "traceback" if run.traceback else "error"
-            score.problems.append(
-                f"{answer['case']} ({spec['sensors']}, {spec['pressures']}): {what}: {(run.last_line or found.problem).removeprefix('error: ')}"
-            )
+            reason = "" if run.timed_out else ": " + (run.last_line or found.problem).removeprefix("error: ")
+            score.problems.append(f"{answer['case']} ({spec['sensors']}, {spec['pressures']}): {what}{reason}")
         ratio = math.inf if found.error is None else found.error / limits["true_model"]
         _count(score, labels, f"held-out error within {GOOD:g} of the true model's", ratio <= GOOD)
         if not failed:

@@ -25,7 +25,7 @@ from .cases import write_case
 from .integrate import DivergedError
 from .plan import WideSpec, build_plan, read_plan, write_plan
 from .scoring import Run, Trial
-from .verdicts import read_said
+from .verdicts import read_said, with_refusal
 
 RETRIES = 6
 SEED_STEP = 500_000
@@ -190,7 +190,12 @@ def score(folders: Folders, specs: Sequence[WideSpec], task: str) -> str:
     rows = list(_judged(folders, specs, task))
     title = f"Wide world, {specs[0].subset} set, {task}: {len(rows)} of {len(specs)} cases"
     if task == "diagnose":
-        trials = [Trial(answer, read_said(place / "diagnosis.json"), run) for answer, place, run in rows]
+        trials = [
+            Trial(
+                answer, with_refusal(read_said(place / "diagnosis.json"), "" if run.traceback else run.last_line), run
+            )
+            for answer, place, run in rows
+        ]
         text = scoring.report(scoring.score_trials(trials), title)
     else:
         found = [(answer, identification.read_identified(place / "stdout.txt"), run) for answer, place, run in rows]

@@ -164,6 +164,11 @@ def _failure(trial: Trial) -> str:
     return "traceback" if run.traceback else "error"
 
 
+def _reason(trial: Trial) -> str:
+    text = trial.run.last_line or ("" if trial.run.timed_out else trial.said.problem)
+    return f": {text.removeprefix('error: ')}" if text else ""
+
+
 def score_trial(score: WideScore, trial: Trial) -> None:
     """Add one case."""
     group, answer, said = trial.group, trial.answer, trial.said
@@ -175,9 +180,7 @@ def score_trial(score: WideScore, trial: Trial) -> None:
     score.count("all: traceback (wanted: none)", trial.run.traceback)
     if said.verdict == "failed":
         sensors = f"{answer['spec']['sensors']}, {answer['spec']['pressures']}"
-        score.problems.append(
-            f"{answer['case']} ({group}; {sensors}): {_failure(trial)}: {(trial.run.last_line or said.problem).removeprefix('error: ')}"
-        )
+        score.problems.append(f"{answer['case']} ({group}; {sensors}): {_failure(trial)}{_reason(trial)}")
     COUNTERS[group](score, trial)
     for effect in trial.true:
         match = next((e for e in said.effects if e["kind"] == effect["kind"]), None)

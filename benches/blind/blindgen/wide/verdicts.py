@@ -23,6 +23,8 @@ FAULT_WORDS: dict[str, tuple[str, ...]] = {
     "gauge_as_absolute": ("gauge", "absolute"),
     "camera_mirrored": ("mirror", "camera"),
 }
+# A clean refusal that says what is wrong with the setup is an answer, too.
+REFUSALS = {"gauge_as_absolute": "gauge pressure"}
 
 
 @dataclass
@@ -51,6 +53,14 @@ class Said:
         """Whether a fault of this kind is said."""
         words = (kind, *FAULT_WORDS[kind])
         return any(word in str(f["kind"]).lower().replace(" ", "_") for f in self.faults for word in words)
+
+
+def with_refusal(said: Said, line: str) -> Said:
+    """The faults that an error's text names, where there is no diagnosis."""
+    found = [kind for kind, words in REFUSALS.items() if words in line]
+    if said.verdict == "failed" and found:
+        said.faults = [{"kind": kind, "where": ""} for kind in found]
+    return said
 
 
 def _faults(data: dict[str, Any]) -> list[dict[str, Any]]:
