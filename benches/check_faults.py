@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 import bha
 from bha import names
+from bha.checkup.causes import Cause
 from bha.checkup.layout import Layout, layout_of
 from bha.parameters import ArmParameters
 
@@ -215,87 +216,123 @@ def _wires(mapping: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _sensed(
-    case: Case, layout: Layout, sensors: str, moments: Array, acting: Array, lengths: Array, heads: Array,
-    random: np.random.Generator, *, commanded: bool,
-) -> dict[str, Array] | None:  # fmt: skip
-    """Columns of the log, with the faults of tubes, sensors, camera and headings."""
-    n, fault = layout.section_count, case.fault
-    null = fault == "none"
+def _feeds(case: Case, layout: Layout, random: np.random.Generator) -> tuple[int, ...] | None:
+    """Which input each column of pressure shows; nothing where two tubes drive the arm alike."""
     own = layout.inputs_of(case.section)
-    seen = acting + (0.0 if commanded else 200.0) * random.standard_normal(acting.shape)
-    if not commanded and random.random() < 0.5:
-        seen = 640.0 * np.round(seen / 640.0)
     feeds = list(range(len(layout.inputs)))
-    if fault == "tubes":
+    if case.fault == "tubes":
         a, b = (int(j) for j in random.choice(own, 2, replace=False))
         if np.isclose(layout.bending[case.section, a], layout.bending[case.section, b]):
             return None
         feeds[a], feeds[b] = b, a
-    if fault == "cycle":
+    if case.fault == "cycle":
         for j, k in zip(own, np.roll(own, 1), strict=True):
             feeds[j] = int(k)
-    if fault == "sections":
-        first, second = (int(i) for i in random.choice(n, 2, replace=False))
+    if case.fault == "sections":
+        first, second = (int(i) for i in random.choice(layout.section_count, 2, replace=False))
         for j, k in zip(layout.inputs_of(first), layout.inputs_of(second), strict=True):
             feeds[j], feeds[k] = k, j
-    case.feeds = tuple(feeds)
-    seen = seen[:, feeds]
+    return tuple(feeds)
 
-    rows = layout_rows(case.arm, sensors, n)
-    table = lengths @ rows.T
-    if fault == "sensors":
+
+def _exchanged(case: Case, table: Array, random: np.random.Generator) -> Array:
+    """Readings of length, of two sensors exchanged if that is the fault."""
+    if case.fault == "sensors":
         a, b = (
             (0, int(random.integers(1, 3))) if case.arm.name.startswith("asu") else random.choice(3, 2, replace=False)
         )
         pair = [3 * case.section + int(a), 3 * case.section + int(b)]
         table[:, pair] = table[:, pair[::-1]]
+    return table
+
+
+def _camera(case: Case, heads: Array, random: np.random.Generator) -> Array:
+    """Positions as the camera of the case gives them: always a little off, and wrong if that is the fault."""
+    null = case.fault == "none"
     heads = heads @ _small_turn(random, 5.0 if null else 2.0).T
     heads = heads + (0.025 if null else 0.01) * random.standard_normal(3) / np.sqrt(3.0)
-    if fault == "camera":
+    if case.fault == "camera":
         case.angle = float(random.uniform(15.0, 180.0) * random.choice([-1, 1]))
         heads = heads @ _about_z(np.radians(case.angle)).T
-    if fault == "mirror":
+    if case.fault == "mirror":
         axis = 0 if case.arm.name.startswith("asu") else int(random.integers(2))
         heads = heads * np.where(np.arange(3) == axis, -1.0, 1.0)
-    if fault == "axes":
+    if case.fault == "axes":
         order = [(2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1)][int(random.integers(4))]
         heads = heads[..., order] * random.choice([-1.0, 1.0], 3)
-    noise = 1e-3 if null else 5e-4
-    rows_seen = (np.arange(len(moments)) // 5) * 5 if random.random() < 0.5 else np.arange(len(moments))
-    measured, positions = (values + noise * random.standard_normal(values.shape) for values in (table, heads))
-    measured, positions = measured[rows_seen], positions[rows_seen]
+    return heads
 
-    columns: dict[str, Array] = {"t [s]": moments}
-    kind = int(random.integers(3)) if fault == "unit" else -1
-    if kind == 1 and sensors not in ("lengths", "both"):
-        kind = 0
-    if kind == 2 and sensors not in ("heads", "both", "tip"):
-        kind = 0
-    flip = int(random.integers(2)) if fault == "gauge" else -1
-    prefix = "pc" if commanded else "p"
+
+def _pressure_columns(layout: Layout, seen: Array, prefix: str, *, gauge: int, unit: int) -> dict[str, Array]:
+    """Columns of pressure; gauge 0 leaves (g) out, gauge 1 adds it wrongly, unit 0 writes psi under bar."""
+    columns: dict[str, Array] = {}
     for j, name in enumerate(layout.inputs):
         heading = prefix + name.removeprefix("p")
-        if flip == 0:  # gauge pressure without (g)
+        if gauge == 0:
             columns[f"{heading} [kPa]"] = np.maximum(seen[:, j] - AMBIENT, 0.0) / 1e3
-        elif flip == 1:  # absolute pressure with (g)
+        elif gauge == 1:
             columns[f"{heading} [kPa(g)]"] = seen[:, j] / 1e3
-        elif kind == 0:
+        elif unit == 0:
             columns[f"{heading} [bar]"] = seen[:, j] / 6894.757
         else:
             columns[f"{heading} [Pa]"] = seen[:, j]
+    return columns
+
+
+def _output_columns(case: Case, sensors: str, measured: Array, positions: Array, *, unit: int) -> dict[str, Array]:
+    """Columns of length and of position; unit 1 and 2 write millimetres under m."""
+    columns: dict[str, Array] = {}
+    n = positions.shape[1]
     if sensors in ("lengths", "both"):
         for k in range(3 * n):
             heading = names.length_name(k // 3 + 1, k % 3 + 1)
-            columns[f"{heading} [{'m' if kind == 1 else 'mm'}]"] = 1e3 * measured[:, k]
+            columns[f"{heading} [{'m' if unit == 1 else 'mm'}]"] = 1e3 * measured[:, k]
     if sensors == "wires":
         for k, wire in enumerate(case.arm.parameters.length_sensors):
             columns[f"{wire.name} [m]"] = measured[:, k]
     for i in range(n):
         if sensors in ("heads", "both") or (sensors == "tip" and i == n - 1):
             for axis, heading in enumerate(names.position_names(i + 1)):
-                columns[f"{heading} [{'m' if kind == 2 else 'mm'}]"] = 1e3 * positions[:, i, axis]
+                columns[f"{heading} [{'m' if unit == 2 else 'mm'}]"] = 1e3 * positions[:, i, axis]
     return columns
+
+
+def _wrong_unit(case: Case, sensors: str, random: np.random.Generator) -> int:
+    """Which columns have the wrong unit: 0 pressures, 1 lengths, 2 positions, -1 none."""
+    unit = int(random.integers(3)) if case.fault == "unit" else -1
+    if unit == 1 and sensors not in ("lengths", "both"):
+        unit = 0
+    if unit == 2 and sensors not in ("heads", "both", "tip"):
+        unit = 0
+    return unit
+
+
+def _sensed(
+    case: Case, layout: Layout, sensors: str, moments: Array, acting: Array, lengths: Array, heads: Array,
+    random: np.random.Generator, *, commanded: bool,
+) -> dict[str, Array] | None:  # fmt: skip
+    """Columns of the log, with the faults of tubes, sensors, camera and headings."""
+    seen = acting + (0.0 if commanded else 200.0) * random.standard_normal(acting.shape)
+    if not commanded and random.random() < 0.5:
+        seen = 640.0 * np.round(seen / 640.0)
+    feeds = _feeds(case, layout, random)
+    if feeds is None:
+        return None
+    case.feeds = feeds
+
+    table = _exchanged(case, lengths @ layout_rows(case.arm, sensors, layout.section_count).T, random)
+    heads = _camera(case, heads, random)
+    noise = 1e-3 if case.fault == "none" else 5e-4
+    rows_seen = (np.arange(len(moments)) // 5) * 5 if random.random() < 0.5 else np.arange(len(moments))
+    measured, positions = (values + noise * random.standard_normal(values.shape) for values in (table, heads))
+    unit = _wrong_unit(case, sensors, random)
+    gauge = int(random.integers(2)) if case.fault == "gauge" else -1
+    prefix = "pc" if commanded else "p"
+    return (
+        {"t [s]": moments}
+        | _pressure_columns(layout, seen[:, list(feeds)], prefix, gauge=gauge, unit=unit)
+        | _output_columns(case, sensors, measured[rows_seen], positions[rows_seen], unit=unit)
+    )
 
 
 def layout_rows(arm: bha.Arm, sensors: str, n: int) -> Array:
@@ -322,29 +359,32 @@ def _small_turn(random: np.random.Generator, degrees: float) -> Array:
 def named(case: Case, found: bha.Checkup) -> bool:
     """Whether the class of a finding holds what was made."""
     kinds = {finding.kind for finding in found.findings if finding.severity != "note"}
-    if case.fault in ("gauge", "unit"):
-        # A unit that happens to look like gauge pressure is named as such, with the unit beside it.
-        return bool(kinds & {"gauge", "unit"})
-    if case.fault == "gravity":
-        return "gravity" in kinds
-    if case.fault == "axes":
-        return "camera" in kinds
+    # A unit that happens to look like gauge pressure is named as such, with the unit beside it.
+    by_kind = {
+        "gauge": {"gauge", "unit"}, "unit": {"gauge", "unit"}, "gravity": {"gravity"}, "axes": {"camera"},
+    }  # fmt: skip
+    if case.fault in by_kind:
+        return bool(kinds & by_kind[case.fault])
     causes = found.verdict.causes if found.verdict is not None else ()
+    return any(_is_cause(case, cause) for cause in causes)
+
+
+def _is_cause(case: Case, cause: Cause) -> bool:
+    """Whether a cause that the check found is what was made."""
     if case.fault in ("tubes", "cycle", "sections"):
-        return any(cause.assignment.feeds == case.feeds for cause in causes)
+        return cause.assignment.feeds == case.feeds
     if case.fault == "azimuth":
-        return any(
-            abs((np.degrees(turn) - case.angle + 180.0) % 360.0 - 180.0) < 12.0
-            for cause in causes if cause.kind == "azimuth"
-            for i, turn in zip(cause.sections, cause.turns, strict=True) if i == case.section
-        )  # fmt: skip
+        turns = dict(zip(cause.sections, cause.turns, strict=True)) if cause.kind == "azimuth" else {}
+        return case.section in turns and _near(turns[case.section], case.angle)
     if case.fault == "camera":
-        turns = [cause.turns[0] for cause in causes if cause.kind == "camera" and not cause.mirrored]
-        return any(abs((np.degrees(turn) - case.angle + 180.0) % 360.0 - 180.0) < 12.0 for turn in turns)
-    if case.fault == "mirror":
-        # An arm that bends in one plane looks turned by half a turn as well.
-        return any(cause.kind == "camera" for cause in causes)
-    return any(cause.kind == "sensors" for cause in causes)
+        return cause.kind == "camera" and not cause.mirrored and _near(cause.turns[0], case.angle)
+    # Of a mirrored camera: an arm that bends in one plane looks turned by half a turn as well.
+    return cause.kind == ("camera" if case.fault == "mirror" else "sensors")
+
+
+def _near(turn: float, angle: float) -> bool:
+    """Whether a turn in rad is an angle in degrees, to 12 degrees."""
+    return abs((np.degrees(turn) - angle + 180.0) % 360.0 - 180.0) < 12.0
 
 
 def cases(faults: list[str], seeds: range) -> Iterator[Case]:

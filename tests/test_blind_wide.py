@@ -577,12 +577,19 @@ def test_calls_and_cases_for_a_product_that_knows_less(tmp_path: Path) -> None:
         (case / f"{name}.csv").write_text("t [s],pc11 [Pa],q11 [mm]\n0,1,2\n", encoding="utf-8")
     words = command("bha x {arm} {train} --holdout {holdout} {commanded} --out {out}/o", case, tmp_path / "r")
     assert words[2:5] == [str(case / x) for x in ("arm.toml", "train_1.csv", "train_2.csv")]
-    assert words[5:] == ["--holdout", str(case / "holdout_1.csv"), "--commanded", "--out", f"{tmp_path}/r/o"]
+    assert words[5:] == [
+        "--holdout",
+        str(case / "holdout_1.csv"),
+        "--pressures",
+        "commanded",
+        "--out",
+        f"{tmp_path}/r/o",
+    ]
     assert adapted(case, tmp_path / "same", []) == case
     other = adapted(case, tmp_path / "other", ["sensors", "commands"])
     assert (other / "arm.toml").read_text(encoding="utf-8") == 'name = "a"\n\n[[section]]\nmass = 1.0\n'
     assert (other / "train_1.csv").read_text(encoding="utf-8") == "t [s],p11 [Pa],q11 [mm]\n0,1,2\n"
-    assert "--commanded" not in command("x {arm} {train} {commanded} {out}", other, tmp_path)
+    assert "--pressures" not in command("x {arm} {train} {commanded} {out}", other, tmp_path)
 
 
 def test_product_is_called_once_and_stopped_in_time(tmp_path: Path) -> None:

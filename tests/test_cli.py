@@ -228,3 +228,36 @@ def test_tables_keep_the_units_of_their_headings(tmp_path: Path) -> None:
 
 def test_experiments_keep_the_units_of_their_rows() -> None:
     assert "[kg]" in run("experiment", "table2").output
+
+
+def test_more_steps_than_can_be_counted(tmp_path: Path) -> None:
+    result = run("simulate", "bha_nominal", "--input", log(tmp_path), "--max-steps", "9" * 20)
+    assert result.exit_code == 1
+    assert f"max_steps: {'9' * 20}; allowed: 1 to {2**63 - 1}" in result.output
+
+
+def test_lengths_beyond_the_files_limits_are_said_once(tmp_path: Path) -> None:
+    rows = ["0" + ",1.1" * 9, "1,6,6" + ",1.1" * 7, "2,6,6" + ",1.1" * 7]
+    result = run("simulate", "bha_nominal", "--input", log(tmp_path, rows))
+    assert result.exit_code == 0, result.output
+    said = [line for line in result.output.splitlines() if "length_range" in line]
+    assert len(said) == 1
+    assert said[0].startswith("warning: the simulated q11 reaches")
+    assert "permitted are 100 to 300 mm" in said[0]
+    assert "q12" in said[0]
+    assert "length_range" not in run("simulate", "bha_nominal", "--input", log(tmp_path)).output
+    arm = bha.robots.load("bha_nominal")
+    with pytest.warns(bha.LogWarning, match=r"the simulated q11 reaches .* at .* s, permitted are 100 to 300 mm"):
+        bha.simulate(arm, bha.Input.constant([3.5e5] + 8 * [1.1e5], 0.5))
+
+
+def test_pressures_below_vacuum_are_refused() -> None:
+    arm = bha.robots.load("bha_nominal")
+    with pytest.raises(bha.InputError, match="pressures: element 0 is -1 Pa; pressures are absolute"):
+        bha.Input.constant([-1.0] * 9, 1.0)
+    falling = bha.Input(np.array([0.0, 1.0]), np.array([9 * [1e5], 8 * [1e5] + [-2e3]]))
+    for run_ in (bha.simulate, bha.simulate_batch):
+        with pytest.raises(bha.InputError, match=r"-2000 Pa.*gauge"):
+            run_(arm, falling)
+    with pytest.raises(bha.InputError, match="gauge pressure"):
+        bha.simulate(arm, lambda _: np.full(9, -1.0), t_end=0.1)

@@ -124,7 +124,7 @@ def test_judge_by_hand(tmp_path: Path) -> None:
     script = tmp_path / "product.py"
     script.write_text(
         "import sys, json, pathlib\n"
-        "assert '--commanded' not in sys.argv\n"
+        "assert '--pressures' not in sys.argv\n"
         "assert pathlib.Path(sys.argv[2]).read_text().startswith('t [s],p11')\n"
         "text = '[[section]]\\nmass = 0.5\\nstiffness = [50.0]\\nterminal_area = 2e-5\\n'\n"
         "text += 'bending_stiffness = [0.05]\\n'\n"

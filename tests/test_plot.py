@@ -133,3 +133,14 @@ def test_wrong_input_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MissingExtraError, match=r"Plotting needs matplotlib.*pip install 'bha\[plot\]'"):
         plot_trajectories({"a": make()})
+
+
+def test_errors_of_a_sensor_read_rarely_are_dots() -> None:
+    time = np.arange(100) / 100.0
+    errors = np.full((100, 1, 3), np.nan)
+    errors[::5] = 1e-3
+    for axes in plot_errors(time, {"simulated minus measured": errors}).axes:
+        line, dots = axes.lines
+        assert dots.get_marker() == "."
+        assert len(dots.get_xdata()) == 20
+        assert dots.get_color() == line.get_color()

@@ -4,8 +4,9 @@
 
 Printed, one line a folder: converged or not; the mass over the weighed one; A/k, m g/k and k_bend/k over the truth
 (where the plant has such a truth); RMS error of the held-out logs across the arm (each of x and y) and along it, mm;
-seconds. The command gets ``ARM LOG... --holdout LOG... --out FILE --json``; for logs of commands alone ``--commanded``
-too, or copies in which the commands are called pressures (``--rename-commands``) where it has no such option.
+seconds. The command gets ``ARM LOG... --holdout LOG... --out FILE --json``; for logs of commands alone ``--pressures
+commanded`` too, or copies in which the commands are called pressures (``--rename-commands``) where there is no such
+option.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def judge(folder: Path, product: str, *, rename: bool, timeout: float) -> Judged
             if rename:
                 train, held = _renamed(train, Path(temporary)), _renamed(held, Path(temporary))
             else:
-                option = ["--commanded"]
+                option = ["--pressures", "commanded"]
         out = Path(temporary) / "identified.toml"
         words = [*shlex.split(product), str(folder / "arm.toml"), *map(str, train)]
         words += [x for path in held for x in ("--holdout", str(path))] + [*option, "--out", str(out), "--json"]

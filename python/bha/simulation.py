@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -12,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.arrays import floats
-from bha.errors import InputError, SimulationError
+from bha.errors import InputError, LogWarning, SimulationError
 from bha.log import Log
 from bha.recordings import PressureSort, Recording
+from bha.recordings.ranges import LengthExtremes
 from bha.trajectory import Trajectory
 from bha.trajectory_formats import ARRAYS, OPTIONAL_ARRAYS
 
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 
 Method = Literal["auto", "dopri5", "rodas4", "rk4", "ros2"]
 Interpolation = Literal["linear", "hold"]
+
+#: The greatest number of steps that the core counts.
+MOST_STEPS = 2**63 - 1
 
 #: Rows between two reports of progress.
 CHUNK_ROWS = 20_000
@@ -62,8 +67,19 @@ class Input:
 
     @classmethod
     def constant(cls, pressures: ArrayLike, duration: float) -> Input:
-        """The same ``pressures`` (inputs,), Pa absolute, from 0 to ``duration`` s."""
+        """The same ``pressures`` (inputs,), Pa absolute, from 0 to ``duration`` s.
+
+        Raises:
+            InputError: a negative pressure.
+        """
         row = floats(pressures, "pressures", (None,))
+        # As the core says it of what is simulated, where it is written down.
+        if (row < 0.0).any():
+            k = int(np.argmax(row < 0.0))
+            raise InputError(
+                f"pressures: element {k} is {row[k]:g} Pa; pressures are absolute and not negative. Is this gauge "
+                "pressure? Then add the ambient pressure"
+            )
         return cls(np.array([0.0, duration]), np.vstack([row, row]))
 
     @classmethod
@@ -103,7 +119,9 @@ class Options:
         limits = (self.step, self.rtol, self.atol, self.min_step, self.max_step)
         try:
             _core.check_options(self.method, *limits, self.max_steps, self.interpolation)
-        except (TypeError, OverflowError) as error:
+        except OverflowError:
+            raise InputError(f"max_steps: {self.max_steps}; allowed: 1 to {MOST_STEPS}, or none for no limit") from None
+        except TypeError as error:
             raise InputError(f"options: {error}; see bha.Options for what is allowed") from None
 
 
@@ -308,6 +326,9 @@ def simulate(
         LogError: the log lacks a pressure of the arm.
         ConvergenceError: no rest to start from.
         SimulationError: the run diverged; ``error.trajectory`` holds the rows until then.
+
+    Warns:
+        LogWarning: the lengths leave the arm's ``length_range``.
     """
     options = options or Options()
     changes = {key: value for key, value in (("method", method), ("step", step)) if value is not None}
@@ -331,7 +352,12 @@ def simulate(
     except SimulationError as error:
         error.trajectory = concatenate(pieces)
         raise
-    return concatenate(pieces)
+    whole = concatenate(pieces)
+    lengths = LengthExtremes(arm)
+    lengths.add(whole.time, whole.lengths)
+    if lengths.text is not None:
+        warnings.warn(lengths.text, LogWarning, stacklevel=2)
+    return whole
 
 
 def given_times(times: ArrayLike) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ use crate::watch::watched;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::available_parallelism;
 
 /// What varies: the numbers of the arm and the initial state, together.
 #[derive(Clone, Copy, Debug)]
@@ -79,10 +80,13 @@ impl Trajectory<'_> {
         let arm = Arc::new(self.arm.clone());
         let options = chosen(self.options, &arm, self.input, self.start - self.input.origin(), self.state);
         let trajectory = &Self { options, ..*self };
-        let work = || {
-            let part = |chunk| Part { trajectory, directions: chunk, stop: &stop };
-            chunks.into_par_iter().map(|c| part(c).run()).collect::<Result<Vec<_>>>()
-        };
+        let part = |chunk| Part { trajectory, directions: chunk, stop: &stop };
+        // Threads of this call: those of the process are missing in a child that was forked.
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(available_parallelism().map_or(1, usize::from).min(chunks.len()))
+            .build()
+            .map_err(|e| Error::Input(format!("threads for sensitivities: {e}")))?;
+        let work = || threads.install(|| chunks.into_par_iter().map(|c| part(c).run()).collect::<Result<Vec<_>>>());
         let parts = watched(&stop, work, watch)?;
         let mut parts = parts.into_iter();
         let (rows, mut out) = parts.next().unwrap_or_default();

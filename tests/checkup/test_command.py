@@ -143,3 +143,21 @@ def test_exchanged_tubes_of_the_real_arm_are_found() -> None:
         columns[f"{name} [{log.units[name]}]"] = np.array(log[swapped.get(name, name)])
     found = bha.check(arm, bha.Log.from_arrays(columns))
     assert any(e.what == "tubes exchanged: p11 and p12" for f in found.faults for e in f.explanations)
+
+
+def test_flaws_have_times_since_the_start_and_each_channel_once() -> None:
+    arm = arm_of(nominal(1))
+    whole = log_of(arm, *steps(arm), see="both")
+    columns = {f"{name} [{whole.units[name]}]": np.array(whole[name]) for name in whole.columns}
+    columns["t [s]"] = columns["t [s]"] + 1.78e9
+    for first in (200, 300):
+        columns["q11 [m]"][first : first + 60] = columns["q11 [m]"][first]
+    columns["x1 [m]"][[500, 501]] += 0.3
+    columns["y1 [m]"][[400, 401, 600, 601]] += 0.3
+    (facts,) = bha.check(arm, bha.Log.from_arrays(columns)).logs
+    texts = "; ".join(facts.flaws)
+    assert "e+09" not in texts
+    assert "q11, q11" not in texts
+    assert "q11 stands still from 4.02 to 5.2 s after its start" in texts
+    assert "1 times" not in texts
+    assert "jumps away and back" in texts

@@ -319,3 +319,23 @@ def test_short_logs_tell_nothing_and_break_nothing(rows: int) -> None:
     found = bha.check(arm, log)
     assert found.faults == ()
     assert found.untold
+
+
+def test_one_log_of_several_with_swapped_tubes_is_named() -> None:
+    """The pool of a right and a swapped log looks like a section that does not bend; each alone tells."""
+    arm = one_arm()
+    logs = [
+        log_of(arm, *steps(arm, seed=seed), see="lengths", feeds=feeds)
+        for seed, feeds in ((0, [0, 1, 2]), (1, [1, 0, 2]), (2, [0, 1, 2]))
+    ]
+    named = [bha.Recording(arm, log, name=f"log{k}") for k, log in enumerate(logs)]
+    found = bha.check(arm, named[:2])
+    (fault,) = found.faults
+    assert fault.where == "log1"
+    assert fault.explanations[0].what == "tubes exchanged: p11 and p12"
+    assert "log0 does not show it" in fault.evidence
+    assert [f.where for f in bha.check(arm, named).faults] == ["log1"]
+    assert bha.check(arm, [named[0], named[2]]).faults == ()
+    # Where all logs say the same it is said of all.
+    both = [named[1], bha.Recording(arm, log_of(arm, *steps(arm, seed=3), see="lengths", feeds=[1, 0, 2]))]
+    assert [f.where for f in bha.check(arm, both).faults] == ["all logs"]

@@ -183,6 +183,25 @@ def test_references_from_logs(tmp_path: Path) -> None:
     assert found["runs"]["full"]["tip_error_rms"] < 2e-3
 
 
+def test_three_lengths_of_an_arm_of_four_bellows_are_coordinates(tmp_path: Path) -> None:
+    """Files written before coordinates had names of their own; a reference can mean nothing else."""
+    arm = bha.robots.load("asu_two_section_january")
+    rest = arm.static_lengths(np.full(len(arm.inputs), 1.2e5))
+    time = np.linspace(0.0, 0.3, 31)
+    old, new = (
+        csv(tmp_path / f"{sort}.csv", {"t [s]": time} | {
+            f"{sort}{i}{k} [m]": np.full(31, rest[3 * i + k - 4]) for i in (1, 2) for k in (1, 2, 3)
+        })
+        for sort in ("q", "qv")
+    )  # fmt: skip
+    found = [control("asu_two_section_january", "--reference", path, "--controller", "static") for path in (old, new)]
+    assert [result.exit_code for result in found] == [0, 0], found[0].output
+    assert "q11, q12, q13, q21, q22, q23 are read as the wanted coordinates" in found[0].output
+    assert "name them qv11" in found[0].output
+    assert "warning" not in found[1].output
+    assert found[0].output.split("\n", 1)[1] == found[1].output
+
+
 def test_sampled_reference_is_smooth_and_goes_through_its_ends() -> None:
     time, lengths = np.array([0.0, 0.1, 0.4]), np.array([[0.1], [0.2], [0.2]])
     found = Reference.sampled(time, lengths, period=1e-3, smoothing=0.06)

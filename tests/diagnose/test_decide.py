@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bha.diagnose.decide import Limits, is_significant
+from bha.checkup.finding import Explanation, Finding
+from bha.diagnose.decide import Limits, Verdict, is_significant, without_faults
 
 
 @pytest.mark.parametrize(
@@ -24,3 +25,24 @@ def test_uncertain_parameters_excuse_errors_on_held_out_logs_only(
     mean_square: float, limit: float, ratio: float, training: float, expected: bool
 ) -> None:
     assert is_significant(mean_square, limit, ratio, training, Limits()) is expected
+
+
+@pytest.mark.parametrize("verdict", ["named", "unknown", "no_gap"])
+def test_what_a_check_found_is_said_with_the_verdict(verdict: str) -> None:
+    fault = Finding(
+        "fault", "wiring", "log", "section 1 does not bend as its chambers push by the file",
+        explanations=(Explanation("tubes exchanged: p12 and p13", "rename"),),
+    )  # fmt: skip
+    given = Verdict(verdict, "the search's own reason", 0.5)
+    assert without_faults(given, []) is given
+    made = without_faults(given, [fault])
+    if verdict == "no_gap":
+        assert made is given
+        return
+    assert made.verdict == "unknown"
+    assert made.reason.startswith("logs and file do not belong together")
+    assert (
+        "together: log: section 1 does not bend as its chambers push by the file (tubes exchanged: p12 and p13)"
+        in made.reason
+    )
+    assert ("the search's own reason" in made.reason) == (verdict == "unknown")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,12 +11,13 @@ import bha
 from bha import _core
 from bha.diagnose.baseline import windows
 from bha.diagnose.model import plain_model
+from bha.diagnose.noise import Whitener, noise_model
 from bha.diagnose.records import Record, from_rest, prepare
 from bha.diagnose.start import first_state, pose, tells_state
 from bha.parameters import ArmParameters
 from bha.recordings import ChannelFacts, Recording
 
-from .synthetic import observation, one_section
+from .synthetic import observation, one_section, record_of
 
 TIME = np.arange(321) * 0.01
 
@@ -47,6 +50,23 @@ def test_heads_alone_tell_lengths_and_rates_anywhere_in_a_log() -> None:
         state = first_state(core, piece, 3)
         assert state[:9] == pytest.approx(run.lengths[row], abs=3e-4)
         assert state[9:] == pytest.approx(run.velocities[row], abs=0.2 * np.abs(run.velocities).max())
+
+
+def test_rare_rows_make_long_pieces_and_dropouts_none() -> None:
+    rng = np.random.default_rng(11)
+    time = np.arange(280) * 0.1
+    time = np.delete(time, np.s_[60:84])
+    noise = 1e-3 * rng.standard_normal((len(time), 3))
+    measured = record_of(time, 0.15 + noise, np.full((len(time), 3), 1.2e5), 1e-3)
+    pieces = windows([measured], 1)
+    assert pieces is not None
+    assert min(len(piece.rows) for piece in pieces) >= 8
+    assert sum(len(piece.rows) for piece in pieces) > 0.9 * len(time)
+    # A piece that is shorter than the least band has as many white rows as rows.
+    short = replace(measured, rows=measured.rows[:5], outputs=measured.outputs[:5], good=measured.good[:5])
+    white = Whitener(short, noise_model([measured], [[]]))
+    assert white(short.outputs).shape == (5, 3)
+    assert len(white.time) == 5
 
 
 def test_heads_out_of_reach_have_no_pose() -> None:

@@ -105,6 +105,8 @@ def test_excite_writes_what_identify_asks_for(folder: Path, tmp_path: Path) -> N
         (["--free", "section.9.mass"], "no parameter 'section.9.mass'"),
         (["--duration", "5", "--rate", "50", "--out", "x.txt"], "unknown extension .txt"),
         (["--amplitude", "nan"], "amplitude"),
+        (["--seed", "-1"], "seed: -1; allowed: 0 and any greater whole number"),
+        (["--duration", "1e300"], "duration: 1e+300 s at 200 samples a second; allowed: 1 to 25000 s"),
     ],
 )
 def test_excitations_that_are_not_possible(folder: Path, extra: list[str], said: str) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 import bha
 from bha.parameters import ArmParameters
-from bha.recordings import Recording, recordings
+from bha.recordings import Recording, clock, recordings
 
 AMBIENT = 70000.0
 
@@ -181,6 +181,14 @@ def test_columns_that_look_like_data_are_named() -> None:
     assert len(recording.findings) == 1
 
 
+def test_a_quaternion_by_another_name_is_told_its_own() -> None:
+    arm = arm_of()
+    run = moved(arm, seconds=1.0)
+    extra = {f"q{axis}1": np.full(len(run), 0.5) for axis in "wxyz"}
+    with pytest.warns(bha.LogWarning, match="did you mean ow1, ox1, oy1, oz1, the orientation of head 1"):
+        Recording(arm, log_of(arm, run, **extra))
+
+
 @pytest.mark.parametrize(
     ("heading", "factor", "hint"),
     [("{} [bar]", 3.0, "is the unit right"), ("{} [kPa]", 0.2, "is this gauge pressure")],
@@ -193,7 +201,9 @@ def test_pressures_outside_of_the_range_are_named(heading: str, factor: float, h
     with pytest.warns(bha.LogWarning) as caught:
         Recording(arm, bha.Log.from_arrays(columns))
     texts = [str(w.message) for w in caught if "pressure_range" in str(w.message)]
-    assert len(texts) == 3
+    assert len(texts) == 1
+    assert "p11 reaches" in texts[0]
+    assert "(p12, p13 leave it too)" in texts[0]
     assert hint in texts[0]
 
 
@@ -230,3 +240,12 @@ def test_all_recordings_of_a_call_have_one_sort_of_pressures() -> None:
     assert [r.pressures.sort for r in recordings(arm, [commands, both])] == ["commanded", "commanded"]
     with pytest.raises(bha.LogError, match="--pressures commanded"):
         recordings(arm, [both, commands])
+
+
+@pytest.mark.parametrize(
+    ("apart", "measured", "doubted"), [(1e4, False, True), (60.0, False, False), (10.0, True, True)]
+)
+def test_times_that_cannot_be_seconds_are_doubted(apart: float, measured: bool, doubted: bool) -> None:
+    facts = clock.mended(apart * np.arange(50.0))[1]
+    text = clock.doubt(facts, 0.0, measured=measured)
+    assert (text is not None and "another unit" in text) is doubted

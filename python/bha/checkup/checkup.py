@@ -19,6 +19,7 @@ from bha.checkup.finding import Finding, merged, worst_first
 from bha.checkup.geometry import geometry_findings
 from bha.checkup.gravity import gravity_findings, sort_of_pressure_findings
 from bha.checkup.layout import MOST_SECTIONS, Layout, layout_of
+from bha.checkup.one_log import OneLog, logs_apart
 from bha.checkup.ranges import length_findings, pressure_findings
 from bha.checkup.seen import Seen
 from bha.checkup.wiring import Evidence, evidence
@@ -199,12 +200,23 @@ def _motions(
     told = evidence(layout, framed)
     verdict = judge(told)
     columns = made[0].pressures.columns
-    wiring = wiring_finding(verdict, told, columns, believed.seen_by.T @ camera, where)
+    axes = believed.seen_by.T @ camera
+    # One log at fault among others may cancel out in the sum; a camera that is wrong for all comes first.
+    apart = [] if odd else logs_apart(layout, framed, verdict)
+    faults = [fault for one in apart if (fault := _of_one_log(one, columns, axes, apart, seen)) is not None]
+    found += faults
+    if apart and (others := _others(framed, apart)):
+        told = evidence(layout, others)
+        verdict = judge(told)
+        where = ", ".join(one.name for one in others)
+    wiring = wiring_finding(verdict, told, columns, axes, where)
     if wiring is not None:
         found = _one_camera(found, wiring, [cause.kind for cause in verdict.causes])
     found += notes(verdict, layout, where, NOTED_TURN, LEAST_TURN, STANDARD_ERRORS)
     said = [*said, *untold(verdict, told, columns)]
-    if wiring is not None or blocked or odd:
+    if apart and not verdict.causes:
+        told, verdict = apart[0].found, apart[0].verdict
+    if wiring is not None or faults or blocked or odd:
         said.append("the sign of gravity is not checked before the faults above are mended")
     else:
         more, told_sign = gravity_findings(arm, framed, told, where)
@@ -212,6 +224,24 @@ def _motions(
         if not told_sign:
             said.append("the sign of gravity: reversed it explains the poses about as well, with another stiffness")
     return found, said, (told, verdict)
+
+
+def _of_one_log(
+    one: OneLog, columns: Sequence[str], axes: Array, apart: Sequence[OneLog], seen: Sequence[Seen]
+) -> Finding | None:
+    """The finding of one log that is at fault alone."""
+    finding = wiring_finding(one.verdict, one.found, columns, axes, one.name)
+    right = [log.name for log in _others(seen, apart)]
+    if finding is None or not right:
+        return finding
+    names = ", ".join(right[:3]) + (f" and {len(right) - 3} more" if len(right) > 3 else "")
+    return replace(finding, evidence=f"{finding.evidence}; {names} do{'es' * (len(right) == 1)} not show it")
+
+
+def _others(logs: Sequence[Seen], apart: Sequence[OneLog]) -> list[Seen]:
+    """The logs but those at fault alone."""
+    wrong = {one.number for one in apart}
+    return [one for k, one in enumerate(logs) if k not in wrong]
 
 
 def _one_camera(found: list[Finding], wiring: Finding, kinds: Sequence[str]) -> list[Finding]:

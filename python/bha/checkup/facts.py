@@ -114,10 +114,11 @@ def facts_of(recording: Recording) -> LogFacts:
         _channel(recording.time, fact, recording.measured[:, k], recording.usable[:, k], rate, 0)
         for k, fact in enumerate(recording.facts)
     ]
-    flaws = [text for fact in (*recording.pressure_facts, *recording.facts) for text in _flaws(fact)]
+    first = float(recording.time[0])
+    flaws = [text for fact in (*recording.pressure_facts, *recording.facts) for text in _flaws(fact, first)]
     if clock.tick > 0.0:
         flaws.append(f"times lie on the grid of a {1e3 * clock.tick:.3g} ms timer, rows are even")
-    flaws += [f"no rows from {a:.4g} to {b:.4g} s" for a, b in clock.gaps[:3]]
+    flaws += [f"no rows {_span(a, b, first)}" for a, b in clock.gaps[:3]]
     choice = recording.pressures
     return LogFacts(
         name=recording.name,
@@ -222,11 +223,24 @@ def _channel(
     )
 
 
-def _flaws(fact: ChannelFacts) -> list[str]:
-    said = [f"{fact.name} is frozen from {a:.4g} to {b:.4g} s" for a, b in fact.frozen]
-    said += [f"{fact.name} stands still from {a:.4g} to {b:.4g} s" for a, b in fact.dropouts[:3]]
+def _span(start: float, end: float, first: float) -> str:
+    """A stretch of time, s: since the log's start where its clock says something else."""
+    if abs(first) < ranges.FAR_CLOCK:
+        return f"from {start:.4g} to {end:.4g} s"
+    return f"from {start - first:.4g} to {end - first:.4g} s after its start"
+
+
+def _flaws(fact: ChannelFacts, first: float) -> list[str]:
+    said = [f"{fact.name} is frozen {_span(a, b, first)}" for a, b in fact.frozen]
+    said += [f"{fact.name} stands still {_span(a, b, first)}" for a, b in fact.dropouts[:3]]
     if fact.spikes:
-        said.append(f"{fact.name} jumps away and back {len(fact.spikes)} times, first at {fact.spikes[0]:.4g} s")
+        at = ranges.moment(fact.spikes[0], first)
+        count = len(fact.spikes)
+        said.append(
+            f"{fact.name} jumps away and back once, at {at}"
+            if count == 1
+            else f"{fact.name} jumps away and back {count} times, first at {at}"
+        )
     if fact.missing > 0.0:
         said.append(f"{fact.name} is missing in {100 * fact.missing:.3g} % of the rows")
     return said
@@ -235,7 +249,7 @@ def _flaws(fact: ChannelFacts) -> list[str]:
 def _grouped(flaws: list[str]) -> list[str]:
     """Flaws that differ in the channel only, said once."""
     groups: dict[str, list[str]] = {}
-    for text in flaws:
+    for text in dict.fromkeys(flaws):
         name, _, rest = text.partition(" ")
         groups.setdefault(rest, []).append(name)
     return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import missing_option, pressures_option
+from bha.errors import LogWarning
 from bha.files import check_target
 from bha.log import Log
 from bha.recordings import PressureSort, Recording
+from bha.recordings.ranges import LengthExtremes
 from bha.simulation import CHUNK_ROWS, Interpolation, Method, Options, Simulation, concatenate, output_times
 from bha.trajectory import Trajectory, TrajectoryWriter
 
@@ -87,6 +90,7 @@ def simulate(
         errors = OutputErrors(recording) if recording.outputs else None
         stride = -(-len(times) // FIGURE_ROWS)
         kept: list[Trajectory] = []
+        lengths = LengthExtremes(arm)
         counts: dict[str, int] = {}
         rows = 0
         bar.reset(task, description="simulating", total=float(len(times)))
@@ -94,6 +98,7 @@ def simulate(
             for piece in run.run(times, CHUNK_ROWS):
                 if writer is not None:
                     writer.append(piece)
+                lengths.add(piece.time, piece.lengths)
                 if errors is not None:
                     errors.add(piece)
                 if plot:
@@ -101,6 +106,8 @@ def simulate(
                 rows += len(piece)
                 counts = {key: counts.get(key, 0) + value for key, value in piece.statistics.items()}
                 bar.update(task, completed=float(rows))
+    if lengths.text is not None:
+        warnings.warn(lengths.text, LogWarning, stacklevel=2)
     written = [] if out is None else [out]
     if plot:
         written += _figures(arm, concatenate(kept), recording, out or input_path)

@@ -12,7 +12,7 @@ import click
 import numpy as np
 from rich.table import Table
 
-from bha import _core
+from bha import _core, names
 from bha.arm import Arm
 from bha.cli.common import (
     arm_argument,
@@ -37,7 +37,7 @@ from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
 from bha.control.reach import Reachability, reachability
 from bha.control.references import Reference, point_to_point, tip_circle, tip_samples
-from bha.errors import BhaError, InputError, ReferenceWarning, SimulationError
+from bha.errors import BhaError, InputError, LogWarning, ReferenceWarning, SimulationError
 from bha.files import check_target
 from bha.log import Log
 from bha.parameters import PneumaticsLevel
@@ -163,8 +163,8 @@ def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period
         limits = Limits.of(arm)
         middle, half = (limits.shortest + limits.longest) / 2, (limits.longest - limits.shortest) / 2
         # A slender arm bends far for small differences of its lengths: by no more than a radian here.
-        radius = np.repeat([section.bellows_radius for section in arm.parameters.sections], 3)
-        bend = np.tile([-0.3, 0.15, 0.15], arm.section_count) * np.minimum(1.0, radius / (0.3 * half))
+        radii = np.repeat([section.bellows_radius for section in arm.parameters.sections], 3)
+        bend = np.tile([-0.3, 0.15, 0.15], arm.section_count) * np.minimum(1.0, radii / (0.3 * half))
         fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
         # From where the arm can rest to where it can rest: nearest to a bend that is meant for any arm.
         start, end = (
@@ -177,6 +177,7 @@ def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period
     if not path.exists():
         raise InputError(f"reference: {kind!r} is neither circle nor move nor a file")
     log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure)
+    log = _with_coordinates(arm, log, str(path))
     lengths, heads = shown_by(arm, log, str(path))
     if np.all(np.isfinite(lengths)):
         return Reference.sampled(log.time, lengths, period=period)
@@ -187,6 +188,34 @@ def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period
         f"{path}: a reference needs the lengths of all sections of {arm.name} (q11 to q{count}3, or qv11 ...) "
         f"or the positions of the last head (x{count}, y{count}, z{count}); found {', '.join(log.columns)}"
     )
+
+
+def _with_coordinates(arm: Arm, log: Log, origin: str) -> Log:
+    """A reference whose q11, q12, q13 are wanted coordinates of an arm of other bellows, with their names.
+
+    Such a file cannot mean the lengths of all bellows, for it has three a section; where the arm's file says what its
+    lengths are nothing is taken for granted.
+    """
+    sensors = arm.parameters.sensors
+    if sensors is not None and "lengths" in sensors.model_fields_set:
+        return log
+    renamed: dict[str, str] = {}
+    for number, section in enumerate(arm.parameters.sections, start=1):
+        three = [names.length_name(number, k) for k in (1, 2, 3)]
+        has = [name for k in range(1, 13) if (name := names.length_name(number, k)) in log]
+        virtual = [names.coordinate_name(number, k) for k in (1, 2, 3)]
+        if len(section.resolved_bellows(number)) > 3 and has == three and not any(name in log for name in virtual):
+            renamed |= dict(zip(three, virtual, strict=True))
+    if not renamed:
+        return log
+    warnings.warn(
+        f"{origin}: {', '.join(renamed)} are read as the wanted coordinates of {arm.name}, lengths at 0, 120 and 240 "
+        f"degrees, for its sections have more than three bellows; name them {', '.join(renamed.values())}",
+        LogWarning,
+        stacklevel=3,
+    )
+    columns = {names.column(renamed.get(name, name), log.units[name]): log[name] for name in log.columns}
+    return Log.from_arrays(columns, ambient_pressure=arm.parameters.ambient_pressure, origin=origin)
 
 
 def table(runs: dict[str, ClosedLoopRun], title: str) -> Table:

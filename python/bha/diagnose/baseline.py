@@ -56,6 +56,8 @@ Method = Literal["rk4", "ros2"]
 METHODS: tuple[Method, ...] = ("rk4", "ros2")
 #: Length of the pieces of the first fit, s.
 WINDOW_TIME = 0.8
+#: Rows of a piece: wanted where rows are far apart, and the fewest of a piece that counts (a dropout leaves fewer).
+WINDOW_ROWS, FEWEST_WINDOW_ROWS = 12, 8
 #: Factors on the file's damping from which the plain model of a stiff arm is fitted, and how far off it plausibly is:
 #: one standard deviation of its logarithm.
 STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
@@ -172,9 +174,12 @@ def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | No
     pieces = []
     for record in records:
         start, end = float(record.output_time[0]), float(record.output_time[-1])
-        edges = np.linspace(start, end, max(1, round((end - start) / WINDOW_TIME)) + 1)
-        pieces += [record.between(float(a), float(b)) for a, b in pairwise(edges)]
-    return tuple(pieces)
+        length = max(WINDOW_TIME, WINDOW_ROWS * record.sample_time)
+        edges = np.linspace(start, end, max(1, round((end - start) / length)) + 1)
+        counts = np.histogram(record.output_time, edges)[0]
+        enough = [pair for pair, n in zip(pairwise(edges), counts, strict=True) if n >= FEWEST_WINDOW_ROWS]
+        pieces += [record.between(float(a), float(b)) for a, b in enough]
+    return tuple(pieces) or None
 
 
 def disturbed_outputs(

@@ -158,10 +158,11 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
 
 def without_faults(verdict: Verdict, faults: Sequence[Finding]) -> Verdict:
     """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended."""
-    if not faults or verdict.verdict != "named":
+    if not faults or verdict.verdict == "no_gap":
         return verdict
     first = faults[0]
     cause = f" ({first.explanations[0].what})" if first.explanations else ""
     more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
-    text = f"logs and file do not belong together: {first.what}{cause}{more}; mend that first, see bha check"
-    return Verdict("unknown", text, verdict.closure)
+    where = f"{first.where}: " if first.kind == "wiring" and first.where != "all logs" else ""
+    text = f"logs and file do not belong together: {where}{first.what}{cause}{more}; mend that first, see bha check"
+    return Verdict("unknown", text if verdict.verdict == "named" else f"{text}; {verdict.reason}", verdict.closure)

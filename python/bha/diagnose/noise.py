@@ -196,7 +196,7 @@ class Whitener:
         self.rows = len(record.rows)
         frequency = frequencies(self.rows, record.sample_time)
         top = min(TOP_FREQUENCY, 0.5 / record.sample_time)
-        self.kept = max(8, int(np.count_nonzero(frequency <= top)))
+        self.kept = min(self.rows, max(8, int(np.count_nonzero(frequency <= top))))
         band = np.searchsorted(model.edges, frequency[: self.kept], side="right")
         self._slices = [(b, np.flatnonzero(band == b)) for b in range(len(model.edges))]
         self._factors = [np.linalg.inv(np.linalg.cholesky(c)) for c in model.covariance]

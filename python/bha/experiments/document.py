@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +10,9 @@ from bha.experiments.outcome import Outcome, Table
 from bha.experiments.virtual_arm import Body, Sensors
 from bha.files import make_folder, written_whole
 from bha.plot import write_figure
+
+#: Longest line of the document.
+LINE = 120
 
 
 def write_figures(outcome: Outcome, folder: Path) -> list[Path]:
@@ -53,7 +57,14 @@ def document(outcomes: Sequence[Outcome], body: Body, sensors: Sensors) -> str:
     ]
     for outcome in outcomes:
         parts += section(outcome)
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(wrapped(part) for part in parts) + "\n"
+
+
+def wrapped(paragraph: str) -> str:
+    """A paragraph in lines of at most 120 characters; tables, headings and pictures as they are."""
+    if paragraph.startswith(("|", "#", "!", "<")):
+        return paragraph
+    return textwrap.fill(paragraph, LINE, break_long_words=False, break_on_hyphens=False)
 
 
 def section(outcome: Outcome) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,8 @@ from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
 from bha.experiments.procedures import with_sections
 from bha.parameters import ForceModel
-from bha.simulation import Input, simulate
+from bha.simulation import Input, Options, Simulation, concatenate
+from bha.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -86,10 +89,12 @@ def free_swing(duration: float) -> tuple[Array, dict[str, Array]]:
     for name in MODELS:
         arm = still.with_changes(force_model=name)
         at_rest = arm.energy(arm.static_lengths(ambient), np.zeros(len(START))).total
-        try:
-            motion = simulate(arm, drive, dt=5e-3, method="rk4", step=5e-4, q0=START)
-        except SimulationError as error:
-            motion = error.trajectory
+        pieces: list[Trajectory] = []
+        # The rows until it diverges, if it does.
+        with suppress(SimulationError):
+            for piece in Simulation(arm, drive, Options(method="rk4", step=5e-4), q0=START).run(time):
+                pieces.append(piece)
+        motion = concatenate(pieces)
         values = [arm.energy(q, qd).total - at_rest for q, qd in zip(motion.lengths, motion.velocities, strict=True)]
         energies[name] = np.pad(values, (0, len(time) - len(values)), constant_values=np.nan)
     return time, energies

@@ -36,6 +36,8 @@ KINDS = ("hold", "multisine", "release")
 #: What a valve does to a commanded step, at the least: a ramp of this length, s.
 RAMP = 0.1
 _SINES = 12
+#: Most samples of a proposal.
+MOST_SAMPLES = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,13 @@ def excite(
         ConvergenceError: the arm holds no pose at the middle of its pressures.
     """
     _check(duration, rate, kinds, amplitude, highest_frequency, noise)
+    if not (isinstance(seed, int | np.integer) and seed >= 0):
+        raise InputError(f"seed: {seed}; allowed: 0 and any greater whole number")
+    if not duration * rate <= MOST_SAMPLES:
+        raise InputError(
+            f"duration: {duration:g} s at {rate:g} samples a second; allowed: 1 to {MOST_SAMPLES / rate:.6g} s at "
+            "this rate, and longer ones at a lower rate"
+        )
     low, high = _limits(arm)
     share = amplitude
     for _ in range(12):
@@ -205,7 +214,9 @@ def _multisine(random: np.random.Generator, t: Array, inputs: int, highest: floa
     """Sums of sines with random phases, others for every input, faded in and out, within -1 to 1."""
     lines = np.geomspace(max(1.0 / t[-1], 0.05), highest, _SINES * inputs).reshape(_SINES, inputs)
     phases = random.uniform(0.0, 2.0 * np.pi, lines.shape)
-    signal = np.sin(2.0 * np.pi * lines * t[:, None, None] + phases).sum(axis=1)
+    signal = np.zeros((len(t), inputs))
+    for line, phase in zip(lines, phases, strict=True):
+        signal += np.sin(2.0 * np.pi * line * t[:, None] + phase)
     fade = np.clip(np.minimum(t, t[-1] - t) / 1.0, 0.0, 1.0)[:, None]
     return np.asarray(fade * signal / np.abs(signal).max(axis=0))
 

@@ -129,7 +129,10 @@ def _pale(color: str) -> tuple[float, ...]:
 
 
 def draw(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], **options: Any) -> None:
-    """Draw one line; of very long ones the least and greatest value of each stretch, so that no peak is lost."""
+    """Draw one line; of very long ones the least and greatest value of each stretch, so that no peak is lost.
+
+    A value between missing ones, as of a sensor that is read more rarely than the rest, makes no line: it is a dot.
+    """
     if len(time) > MOST_POINTS:
         stretches = np.array_split(np.arange(len(time)), MOST_POINTS // 2)
         filled = np.nan_to_num(values, nan=np.inf)
@@ -138,7 +141,11 @@ def draw(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], **o
         greatest = [stretch[np.argmax(filled[stretch])] for stretch in stretches]
         kept = np.unique([*least, *greatest])
         time, values = time[kept], values[kept]
-    axes.plot(time, values, **options)
+    (line,) = axes.plot(time, values, **options)
+    beside = np.pad(np.isfinite(values), 1)
+    alone = beside[1:-1] & ~beside[:-2] & ~beside[2:]
+    if alone.any():
+        axes.plot(time[alone], values[alone], linestyle="none", marker=".", markersize=2.0, color=line.get_color())
 
 
 def check_trajectories(trajectories: Mapping[str, Trajectory]) -> Trajectory:

@@ -19,8 +19,9 @@ _FEWEST = 50
 _GRID_SHARE, _GRID_PART = 0.999, 0.02
 #: Rows are even if a straight line misses their stamps by no more than this many ticks: a stamp is off by one at most.
 _MOST_OFF = 1.05
-#: Rows further apart than this, or a first one beyond this time, s, are doubted: the year 5138 by the clock of 1970.
-SLOW, FAR = 5.0, 1e11
+#: Rows of outputs, or of commands alone, further apart than this, or a first row beyond this time, s, are doubted: the
+#: year 5138 by the clock of 1970.
+SLOW, SLOW_COMMANDS, FAR = 5.0, 300.0, 1e11
 #: A gap is this many usual intervals long.
 _GAP = 10.0
 
@@ -63,7 +64,7 @@ def mended(time: Array) -> tuple[Array, ClockFacts]:
 def doubt(facts: ClockFacts, first: float, *, measured: bool) -> str | None:
     """A text where times cannot well be seconds: rows of a log in ms or us under ``t [s]``."""
     # A log of commands alone may have a row at each change only.
-    slow = measured and facts.interval >= SLOW
+    slow = facts.interval >= (SLOW if measured else SLOW_COMMANDS)
     if facts.rows < 3 or not (slow or abs(first) >= FAR):
         return None
     apart = f"rows are {facts.interval:.4g} s apart and begin at {first:.6g} s"

@@ -46,6 +46,8 @@ class PressureChoice:
         pneumatics: level of the arm's pneumatics that acts, ``"ideal"`` for measured pressures.
         ambient_pressure: of the arm, Pa: what gauge pressures are relative to.
         gauge: columns that the file has as gauge pressures.
+        between_readings: of measured pressures that are held for several samples: a ``"curve"`` through the readings
+            drives, or ``"steps"`` where the arm shows that they act as they are held (:mod:`bha.recordings.stairs`).
     """
 
     sort: PressureSort
@@ -55,6 +57,7 @@ class PressureChoice:
     pneumatics: str
     ambient_pressure: float
     gauge: tuple[str, ...]
+    between_readings: Literal["curve", "steps"] = "curve"
 
     def to_mapping(self) -> dict[str, Any]:
         """For JSON."""

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bha import names
+
 if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.recordings.recording import Recording
@@ -16,6 +18,8 @@ Array = NDArray[np.float64]
 
 #: Beyond a range by this share of it counts as outside: valves overshoot, sensors have offsets.
 TOLERANCE = 0.15
+#: A clock that begins this far from 0, s, is that of 1970 or the like: times for people are since the log's start.
+FAR_CLOCK = 1e4
 
 
 def input_ranges(arm: Arm) -> Array:
@@ -33,11 +37,17 @@ def outside(recording: Recording) -> list[str]:
     """A text for each input and each length that leaves its range, with channel, value, time and range."""
     arm, choice = recording.arm, recording.pressures
     pressures, ranges = recording.drive.pressures, input_ranges(arm)
-    said = []
+    found: dict[str, list[tuple[str, str]]] = {}
     for k, column in enumerate(choice.columns):
-        text = excursions(recording.drive.time, pressures[:, [k]], ranges[[k]], [column], "Pa")
-        hint = _hint(recording, column, pressures[:, k], ranges[k])
-        said += [f"{line} by pressure_range of {arm.name}: {hint}" for line in text]
+        for line in excursions(recording.drive.time, pressures[:, [k]], ranges[[k]], [column], "Pa"):
+            hint = _hint(recording, column, pressures[:, k], ranges[k])
+            # Columns that differ in the channel alone, in what they reach and when, have one cause.
+            cause = line.partition(", permitted are ")[2] + hint.replace(column, "")
+            found.setdefault(cause, []).append((line, hint))
+    said = []
+    for (line, hint), *others in found.values():
+        more = f" ({_names([text.partition(' ')[0] for text, _ in others])} leave it too)" if others else ""
+        said.append(f"{line} by pressure_range of {arm.name}{more}: {hint}")
     own = [k for k, output in enumerate(recording.outputs) if output.kind == "length" and output.number > 0]
     limits = np.array([arm.parameters.sections[recording.outputs[k].section - 1].length_range for k in own])
     values = np.where(recording.usable[:, own], recording.measured[:, own], np.nan)
@@ -45,7 +55,65 @@ def outside(recording: Recording) -> list[str]:
     return said + [f"{line} by length_range of {arm.name}: is the unit right?" for line in lengths]
 
 
-def excursions(time: Array, values: Array, ranges: Array, columns: Sequence[str], unit: str) -> list[str]:
+def _names(columns: Sequence[str]) -> str:
+    """``"p12, p13"``; of many the first ones."""
+    most = 8
+    return ", ".join(columns[:most]) + (f" and {len(columns) - most} more" if len(columns) > most else "")
+
+
+class LengthExtremes:
+    """The greatest and least coordinates of a simulated run, that is taken in pieces, beside ``length_range``."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Nothing yet of a run of ``arm``."""
+        self._arm = arm
+        count = 3 * arm.section_count
+        # Times and values of the least and the greatest, shape (2, 3n).
+        self._time = np.zeros((2, count))
+        self._values = np.array([np.full(count, np.inf), np.full(count, -np.inf)])
+        self._first: float | None = None
+
+    def add(self, time: Array, lengths: Array) -> None:
+        """Take rows into account: times, s, shape (m,), and coordinates, m, shape (m, 3n)."""
+        if len(time) == 0:
+            return
+        self._first = float(time[0]) if self._first is None else self._first
+        for k, (rows, better) in enumerate(
+            ((np.argmin(lengths, axis=0), np.less), (np.argmax(lengths, axis=0), np.greater))
+        ):
+            values = np.take_along_axis(lengths, rows[None], axis=0)[0]
+            new = better(values, self._values[k])
+            self._time[k] = np.where(new, time[rows], self._time[k])
+            self._values[k] = np.where(new, values, self._values[k])
+
+    @property
+    def text(self) -> str | None:
+        """What is to be said of a run that leaves its limits: the first channel, how far, and the others.
+
+        None for a run that does not.
+        """
+        if self._first is None:
+            return None
+        said = []
+        name_of = names.length_name if self._arm.parameters.has_standard_bellows else names.coordinate_name
+        for k in range(self._values.shape[1]):
+            limits = np.array([self._arm.parameters.sections[k // 3].length_range])
+            said += excursions(
+                self._time[:, k], self._values[:, [k]], limits, [name_of(k // 3 + 1, k % 3 + 1)], "m", self._first
+            )
+        if not said:
+            return None
+        others = [text.partition(" ")[0] for text in said[1:]]
+        more = f" ({_names(others)} leave theirs too)" if others else ""
+        return (
+            f"the simulated {said[0]} by length_range of {self._arm.name}{more}: the model is not meant for such "
+            "lengths; are the pressures right?"
+        )
+
+
+def excursions(
+    time: Array, values: Array, ranges: Array, columns: Sequence[str], unit: str, first: float | None = None
+) -> list[str]:
     """For each column that leaves its range by more than the tolerance: channel, value, time and range."""
     said = []
     for k, column in enumerate(columns):
@@ -58,8 +126,9 @@ def excursions(time: Array, values: Array, ranges: Array, columns: Sequence[str]
         over, under = given[above] - high, low - given[below]
         if max(over, under) > TOLERANCE * (high - low):
             place = above if over >= under else below
+            when = moment(at[place], time[0] if first is None else first)
             said.append(
-                f"{column} reaches {_readable(given[place], unit)} at {moment(at[place], time[0])}, permitted are "
+                f"{column} reaches {_readable(given[place], unit)} at {when}, permitted are "
                 f"{_readable(low, unit, bare=True)} to {_readable(high, unit)}"
             )
     return said
@@ -72,7 +141,7 @@ def _readable(value: float, unit: str, *, bare: bool = False) -> str:
 
 def moment(time: float, first: float) -> str:
     """A time for people, s: since the log's first row where its clock is that of 1970, or another large one."""
-    return f"{time:.4g} s" if abs(first) < 1e4 else f"{time - first:.4g} s after its start"
+    return f"{time:.4g} s" if abs(first) < FAR_CLOCK else f"{time - first:.4g} s after its start"
 
 
 def _hint(recording: Recording, column: str, values: Array, permitted: Array) -> str:

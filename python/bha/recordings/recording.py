@@ -10,16 +10,16 @@ import json
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import InputError, LogError, LogWarning
 from bha.log import Log
-from bha.recordings import aligned, clock, compare, frozen, pressures, ranges, samples, unused
+from bha.recordings import aligned, clock, compare, frozen, pressures, ranges, samples, stairs, unused
 from bha.recordings.outputs import Output, observe
 from bha.recordings.pressures import PressureChoice, PressureSort
 from bha.recordings.samples import ChannelFacts
@@ -139,9 +139,27 @@ class Recording:
         self.acting = self.arm if acts else self.arm.with_changes(pneumatics="ideal")
 
     def _judge_together(self) -> None:
-        """Pressures that are frozen show only beside the outputs."""
+        """Pressures that are frozen, or held as they act, show only beside the outputs."""
+        self._stairs: stairs.Stairs | None = None
         if self.pressures.sort == "commanded" or not self.outputs:
             return
+        alone = self.usable.copy()
+        self._leave_out_unknown()
+        self._stairs = stairs.stairs(self)
+        if self._stairs is None or not self._stairs.act:
+            return
+        # They are as good as commands: what stands still is no dropout, what jumps no spike and no noise.
+        choice = replace(self.pressures, between_readings="steps", between_samples=self._stairs.rise)
+        self.pressures, self.usable = choice, alone
+        judged = [
+            samples.judge(self.time, n, "Pa", self._raw[:, k], measured=False) for k, n in enumerate(choice.columns)
+        ]
+        self.pressure_facts = tuple(fact for fact, _ in judged)
+        self._pressure_usable = np.column_stack([m for _, m in judged])
+        self._leave_out_unknown()
+
+    def _leave_out_unknown(self) -> None:
+        """What the arm does while it is not known what drives it does not count."""
         noise = np.array([fact.noise for fact in self.facts])
         shown = np.where(self.usable, self.measured, np.nan)
         spans = frozen.frozen_spans(self.time, self._raw, self.time, shown, noise)
@@ -184,8 +202,13 @@ class Recording:
         if self.clock.tick > 0.0:
             tick = f"{1e3 * self.clock.tick:.3g} ms"
             said.append(f"rows were stamped by a timer of {tick}; they are taken as even, {_rate(self.clock)}")
+        if self._stairs is not None and self._stairs.act:
+            said.append(self._stairs.in_words())
+        curve = "the curve between its readings drives"
+        if self._stairs is not None and not self._stairs.told:
+            curve += " (or steps might: the outputs do not tell them apart)"
         for fact, verb in (
-            *((f, "the curve between its readings drives") for f in self.pressure_facts),
+            *((f, curve) for f in self.pressure_facts),
             *((f, "its repeats do not count") for f in self.facts),
         ):
             if fact.held > 0.0:
@@ -218,12 +241,20 @@ class Recording:
 
     @cached_property
     def _drive(self) -> tuple[Input, NDArray[np.intp]]:
+        return self.drive_by(self.pressures.between_readings, self.pressures.between_samples)
+
+    def drive_by(
+        self, readings: Literal["curve", "steps"], between: Literal["linear", "hold"]
+    ) -> tuple[Input, NDArray[np.intp]]:
+        """:attr:`drive` and :attr:`drive_rows` by some reading of pressures that are held, see `PressureChoice`."""
         from bha.simulation import Input  # noqa: PLC0415  (it makes recordings of logs)
 
         forces = self.log.forces_on(self.arm.section_count)
         commanded = self.pressures.sort == "commanded"
-        values = pressures.between_fresh(self.time, self._raw, self.pressure_facts, self._pressure_usable)
-        if self.pressures.between_samples == "hold":
+        facts, usable = self.pressure_facts, self._pressure_usable
+        curve = readings == "curve"
+        values = pressures.between_fresh(self.time, self._raw, facts, usable) if curve else self._raw
+        if between == "hold":
             time, values, forces, rows = pressures.with_jumps(self.time, values, forces)
         else:
             time, rows = self.time, np.arange(len(self.time))

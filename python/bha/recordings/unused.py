@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 #: Letters with a number of a section or bellows behind: what names of quantities look like.
 _LIKE_A_QUANTITY = re.compile(r"[a-zA-Z]{1,4}[_ ]?\d{1,2}(_\d{1,2})?")
+#: What a part of a quaternion is often called.
+_QUATERNION = re.compile(r"q[wxyz]([1-9]\d?)")
 #: Units of what an arm has: lengths, pressures, forces, moments.
 _UNITS = ("m", "Pa", "N", "N*m")
 #: Columns that are named at the most; a log may have a hundred of them.
@@ -50,7 +52,11 @@ def _described(name: str, unit: str) -> str:
 
 
 def _hint(found: list[str], log: Log) -> str:
-    """The way to use a length: as a wire of the arm's file."""
+    """The way to use a quaternion by another name, or a length, as a wire of the arm's file."""
+    for name in found:
+        if (spelt := _QUATERNION.fullmatch(name)) and all(f"q{axis}{spelt[1]}" in found for axis in "wxyz"):
+            right = names.orientation_names(int(spelt[1]))
+            return f"; did you mean {', '.join(right)}, the orientation of head {int(spelt[1])}?"
     for name in found:
         if log.units[name] and measures(log.units[name], "m"):
             return f'; a [[length_sensor]] with name = "{name}" in the arm\'s file would use it'

@@ -90,8 +90,8 @@ def command(template: str, case: Path, out: Path) -> list[str]:
     """Words of the call for one case; no shell is involved.
 
     The word ``{train}`` becomes the training logs, ``{holdout}`` the held-out ones with the option before it repeated,
-    ``{commanded}`` the option ``--commanded`` where the logs hold commands alone; ``{arm}`` and ``{out}`` are replaced
-    within words.
+    ``{commanded}`` the option ``--pressures commanded`` where the logs hold commands alone; ``{arm}`` and ``{out}`` are
+    replaced within words.
     """
     words: list[str] = []
     train, held = (sorted(case.glob(f"{kind}_*.csv")) for kind in ("train", "holdout"))
@@ -105,7 +105,7 @@ def command(template: str, case: Path, out: Path) -> list[str]:
             for path in held:
                 words += [*option, str(path)]
         elif word == "{commanded}":
-            words += ["--commanded"] if commanded else []
+            words += ["--pressures", "commanded"] if commanded else []
         else:
             words.append(word.replace("{arm}", str(case / "arm.toml")).replace("{out}", str(out)))
     return words
