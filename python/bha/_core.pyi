@@ -21,6 +21,7 @@ __all__ = [
     "Stepper",
     "VirtualArm",
     "__version__",
+    "check_options",
     "closed_loop",
     "effect_kinds",
     "format_table_rows",
@@ -216,6 +217,7 @@ class Stepper:
     @property
     def pressures(self) -> NDArray[np.float64]: ...
 
+@disjoint_base
 class Fleet:
     def __new__(
         cls,
