@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.arrays import floats
-from bha.errors import InputError, LogWarning, SimulationError
+from bha.errors import InputError, SimulationError
 from bha.log import Log
 from bha.recordings import PressureSort, Recording
 from bha.recordings.ranges import LengthExtremes
@@ -355,8 +354,7 @@ def simulate(
     whole = concatenate(pieces)
     lengths = LengthExtremes(arm)
     lengths.add(whole.time, whole.lengths)
-    if lengths.text is not None:
-        warnings.warn(lengths.text, LogWarning, stacklevel=2)
+    lengths.warn(stacklevel=2)
     return whole
 
 

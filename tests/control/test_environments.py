@@ -3,7 +3,7 @@
 import copy
 import os
 import pickle
-import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -339,32 +339,23 @@ def test_environments_copy_as_they_stand(arm: bha.Arm | None, copied: Any) -> No
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 @pytest.mark.parametrize(("count", "threads"), [(1, 1), (200, 2), (200, 0)])
-def test_environments_survive_a_fork(count: int, threads: int) -> None:
+def test_environments_survive_a_fork(
+    count: int, threads: int, in_child: Callable[[Callable[[], bytes]], bytes]
+) -> None:
     many = environments.ReachVectorEnv(count, threads=threads)
     many.reset(seed=0)
     action = np.full((count, 9), 0.2, np.float32)
     many.step(action)
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        status = 1
-        try:
-            rows = many.step(action)[0]
-            del many
-            os.write(writer, rows[0, :9].tobytes())
-            status = 0
-        finally:
-            os._exit(status)
-    for _ in range(300):
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            break
-        time.sleep(0.1)
-    else:
-        os.kill(child, 9)
-        os.waitpid(child, 0)
-        pytest.fail("the child hangs")
-    assert status == 0
-    assert np.array_equal(np.frombuffer(os.read(reader, 1000), np.float32), many.step(action)[0][0, :9])
-    os.close(reader)
-    os.close(writer)
+    held = [many]
+
+    def stepped() -> bytes:
+        rows: np.ndarray = held[0].step(action)[0]
+        return rows[0, :9].tobytes()
+
+    def stepped_and_dropped() -> bytes:
+        found = stepped()
+        held.clear()
+        return found
+
+    del many
+    assert in_child(stepped_and_dropped) == stepped()

@@ -117,7 +117,7 @@ def check(
         InputError: there is no log.
     """
     # What a recording warns of stands among the findings here.
-    made = recordings(arm, _several(logs), pressures=pressures, missing=missing, warn=False)
+    made = recordings(arm, logs, pressures=pressures, missing=missing, warn=False)
     return check_recordings(arm, made)
 
 
@@ -332,7 +332,3 @@ def _undriven(recording: Recording) -> NDArray[np.bool_]:
             if end - start > LONGEST_UNREAD:
                 lost |= (recording.time > start) & (recording.time <= end)
     return lost
-
-
-def _several(logs: Any) -> Sequence[Any]:
-    return logs if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bha.checkup.layout import Layout
 from bha.checkup.response import Signals, even_grid
 from bha.checkup.shape import from_heads, length_rows, to_heads
+from bha.recordings.clock import later
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -98,7 +99,7 @@ def signals(layout: Layout, seen: Seen, rows: int) -> tuple[Signals, dict[str, L
     ``("lengths", c, "channel")`` for linear channel c.
     """
     grid = even_grid(seen.time, rows)
-    keep = np.concatenate([[True], np.diff(seen.time) > 0.0])
+    keep = later(seen.time)
     pressures = np.column_stack([np.interp(grid, seen.time[keep], p[keep]) for p in seen.pressures.T])
     good = np.ones(len(grid), dtype=np.bool_)
     motions: dict[tuple[str, int, str], Complex] = {}
@@ -201,7 +202,7 @@ def head_rows(layout: Layout) -> Array:
 def _on_grid(grid: Array, time: Array, values: Array, good: Mask) -> tuple[Array, Mask]:
     """Values at the grid's times, linear between good readings, and where a reading is near enough."""
     at, given = time[good], values[good]
-    first = np.concatenate([[True], np.diff(at) > 0.0])
+    first = later(at)
     at, given = at[first], given[first]
     steps = np.diff(at)
     longest = max(_LONGEST_GAP, 5.0 * float(np.median(steps))) if len(steps) else 0.0

@@ -11,8 +11,8 @@ from bha.arm import Arm
 from bha.checkup import Checkup, check_recordings
 from bha.checkup.facts import Channel
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
-from bha.cli.logs import missing_option, pressures_option
-from bha.recordings import PressureSort, recordings
+from bha.cli.logs import missing_option, pressures_option, read_logs
+from bha.recordings import PressureSort
 
 
 @click.command()
@@ -39,7 +39,7 @@ def check(
     """
     with progress_bar(hidden=as_json) as bar:
         bar.add_task("reading", total=None)
-        found = check_recordings(arm, recordings(arm, logs, pressures=pressures, missing=missing, warn=False))
+        found = check_recordings(arm, read_logs(arm, logs, pressures, missing))
     if plot is not None:
         from bha.plot import plot_checkup, write_figure  # noqa: PLC0415  (an optional extra)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import missing_option, pressures_option
-from bha.errors import LogWarning
 from bha.files import check_target
 from bha.log import Log
 from bha.recordings import PressureSort, Recording
@@ -106,8 +104,7 @@ def simulate(
                 rows += len(piece)
                 counts = {key: counts.get(key, 0) + value for key, value in piece.statistics.items()}
                 bar.update(task, completed=float(rows))
-    if lengths.text is not None:
-        warnings.warn(lengths.text, LogWarning, stacklevel=2)
+    lengths.warn(stacklevel=2)
     written = [] if out is None else [out]
     if plot:
         written += _figures(arm, concatenate(kept), recording, out or input_path)

@@ -7,6 +7,7 @@ made from these, so that they cannot disagree with the check.
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -56,6 +57,20 @@ def table_error(message: str, at: str | tuple[str | int, ...] = "") -> PydanticC
     In a subtable it is the way there, dotted or, where a name comes from the file and may hold dots, as a tuple.
     """
     return PydanticCustomError("bha_table", "{message}", {"message": message, "key": at})
+
+
+def stated_angle(angle: float | None, angle_deg: float | None) -> float:
+    """The angle of a table with the keys ``angle`` and ``angle_deg``, rad.
+
+    Raises:
+        PydanticCustomError: none or both of them are given.
+    """
+    if angle is not None and angle_deg is None:
+        return angle
+    if angle is None and angle_deg is not None:
+        return math.radians(angle_deg)
+    found = "neither" if angle is None else "both"
+    raise table_error(f"found {found} of angle and angle_deg; allowed: exactly one of them")
 
 
 def nearest(name: str, allowed: Sequence[str]) -> str:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Self
 
 from pydantic import model_validator
 
-from bha.parameters.base import NotNegative, Number, Polynomial, Positive, Table, key, table_error
+from bha.parameters.base import NotNegative, Number, Polynomial, Positive, Table, key, stated_angle
 from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key
 
 INPUT_PATTERN = r"^p([1-9][1-9]|[1-9][0-9]{1,2}_[1-9][0-9]{0,2}|[1-9]_[1-9][0-9]{1,2})$"
@@ -36,9 +35,7 @@ class BellowsParameters(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if (self.angle is None) == (self.angle_deg is None):
-            found = "neither" if self.angle is None else "both"
-            raise table_error(f"found {found} of angle and angle_deg; allowed: exactly one of them")
+        stated_angle(self.angle, self.angle_deg)
         stated = {name: value for name, value in self if value is not None and name != "provenance"}
         check_provenance(self.provenance, stated)
         return self
@@ -46,10 +43,7 @@ class BellowsParameters(Table):
     @property
     def angle_rad(self) -> float:
         """Angle about the section's z axis from its x axis, rad."""
-        if self.angle is not None:
-            return self.angle
-        assert self.angle_deg is not None
-        return math.radians(self.angle_deg)
+        return stated_angle(self.angle, self.angle_deg)
 
 
 @dataclass(frozen=True)

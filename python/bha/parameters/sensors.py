@@ -26,7 +26,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from bha import names
-from bha.parameters.base import NotNegative, Number, Table, Vector3, key, table_error
+from bha.parameters.base import NotNegative, Number, Table, Vector3, key, stated_angle, table_error
 from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key
 
 SignedAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -97,9 +97,7 @@ class LengthSensorParameters(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if (self.angle is None) == (self.angle_deg is None):
-            found = "neither" if self.angle is None else "both"
-            raise table_error(f"found {found} of angle and angle_deg; allowed: exactly one of them")
+        stated_angle(self.angle, self.angle_deg)
         if self.name != self.name.strip() or any(sign in self.name for sign in '[](),;"\n\r\t'):
             allowed = 'a name without blanks at its ends, brackets, quotes, commas and semicolons, as in "wire1"'
             raise table_error(f'found "{self.name}"; allowed: {allowed}', "name")
@@ -115,10 +113,7 @@ class LengthSensorParameters(Table):
     @property
     def angle_rad(self) -> float:
         """Angle about the sections' z axes from their x axes, rad."""
-        if self.angle is not None:
-            return self.angle
-        assert self.angle_deg is not None
-        return math.radians(self.angle_deg)
+        return stated_angle(self.angle, self.angle_deg)
 
 
 def check_length_sensors(sensors: Sequence[LengthSensorParameters], section_count: int) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.recordings.clock import later
 from bha.recordings.interpolation import akima
 from bha.recordings.samples import ChannelFacts
 
@@ -35,7 +36,7 @@ def aligned(time: Array, measured: Array, usable: Mask, facts: Sequence[ChannelF
         usable: which of them are readings, shape (m, C).
         facts: of the outputs.
     """
-    forward = np.concatenate([[True], np.diff(time) > 0.0])
+    forward = later(time)
     if not measured.shape[1]:
         rows = np.flatnonzero(forward)
         return rows, measured[rows], usable[rows]

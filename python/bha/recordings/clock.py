@@ -61,6 +61,11 @@ def mended(time: Array) -> tuple[Array, ClockFacts]:
     return time, ClockFacts(len(time), interval, float(time[-1] - time[0]), tick, repeats, gaps)
 
 
+def later(time: Array) -> NDArray[np.bool_]:
+    """Rows that are later than the row before, and the first one, shape (m,): knots of a curve."""
+    return np.diff(time, prepend=-np.inf) > 0.0
+
+
 def doubt(facts: ClockFacts, first: float, *, measured: bool) -> str | None:
     """A text where times cannot well be seconds: rows of a log in ms or us under ``t [s]``."""
     # A log of commands alone may have a row at each change only.

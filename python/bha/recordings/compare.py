@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import InputError
+from bha.recordings.clock import later
 from bha.recordings.interpolation import akima
 from bha.recordings.outputs import Observation, observe
 from bha.recordings.samples import judge
@@ -61,7 +62,7 @@ def errors(recording: Recording, trajectory: Trajectory) -> Array:
 
 def _smooth(at: Array, rows: Array, values: Array) -> Array:
     """A simulated output between its rows."""
-    forward = np.concatenate([[True], np.diff(rows) > 0.0])
+    forward = later(rows)
     return akima(at, rows[forward], values[forward])
 
 
@@ -134,7 +135,7 @@ def shown_by(arm: Arm, log: Log, origin: str) -> tuple[Array, Array]:
     filled = measured.copy()
     for k, output in enumerate(observation.outputs):
         fact, usable = judge(log.time, output.name, output.unit, measured[:, k])
-        forward = usable & np.concatenate([[True], np.diff(log.time) > 0.0])
+        forward = usable & later(log.time)
         if forward.sum() >= 3 and not usable.all():
             curve = akima if fact.held > 0.0 else np.interp
             filled[:, k] = curve(log.time, log.time[forward], measured[forward, k])

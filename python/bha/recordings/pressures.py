@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from bha import names
 from bha.errors import InputError, LogError
+from bha.recordings.clock import later
 from bha.recordings.interpolation import akima
 from bha.recordings.samples import ChannelFacts
 
@@ -129,7 +130,7 @@ def between_fresh(time: Array, pressures: Array, facts: Sequence[ChannelFacts], 
     for k, fact in enumerate(facts):
         good = np.flatnonzero(usable[:, k])
         if (fact.held > 0.0 or fact.spikes or fact.dropouts) and len(good) >= 2:
-            good = good[np.concatenate([[True], np.diff(time[good]) > 0.0])]
+            good = good[later(time[good])]
             knots, values = time[good], pressures[good, k]
             # A reading that stays for longer than usual has been renewed by the same value: it changes at the end.
             late = np.flatnonzero(np.diff(knots) > 2.5 * fact.interval) if fact.held > 0.0 else np.empty(0, dtype=int)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import names
+from bha.errors import LogWarning
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -86,7 +88,12 @@ class LengthExtremes:
             self._time[k] = np.where(new, time[rows], self._time[k])
             self._values[k] = np.where(new, values, self._values[k])
 
-    @property
+    def warn(self, stacklevel: int) -> None:
+        """Warn of a run that has left its limits, as :func:`warnings.warn` would where this is called."""
+        text = self.text()
+        if text is not None:
+            warnings.warn(text, LogWarning, stacklevel=stacklevel + 1)
+
     def text(self) -> str | None:
         """What is to be said of a run that leaves its limits: the first channel, how far, and the others.
 

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -307,10 +307,10 @@ class Recording:
             "clock": asdict(self.clock),
             "pressures": self.pressures.to_mapping(),
             "outputs": [
-                {**asdict(output), **_facts(fact), "usable": float(np.mean(self.usable[:, k]))}
+                {**asdict(output), **asdict(fact), "usable": float(np.mean(self.usable[:, k]))}
                 for k, (output, fact) in enumerate(zip(self.outputs, self.facts, strict=True))
             ],
-            "inputs": [_facts(fact) for fact in self.pressure_facts],
+            "inputs": [asdict(fact) for fact in self.pressure_facts],
             "notes": list(self.notes),
             "findings": list(self.findings),
         }
@@ -344,13 +344,13 @@ class Recording:
 
 def recordings(
     arm: Arm,
-    logs: Sequence[Recording | Log | str | os.PathLike[str]],
+    logs: Recording | Log | str | os.PathLike[str] | Sequence[Recording | Log | str | os.PathLike[str]],
     *,
     pressures: PressureSort | None = None,
     missing: bool = False,
     warn: bool = True,
 ) -> list[Recording]:
-    """Recordings of several logs by one arm, all with the same sort of pressures: that of the first, if not asked for.
+    """Recordings of a log or several by one arm, all with the same sort of pressures: of the first, if not asked for.
 
     ``warn`` says whether to warn of what each finds.
 
@@ -359,7 +359,7 @@ def recordings(
         LogError: as :class:`Recording`.
     """
     if isinstance(logs, Log | Recording | str | os.PathLike):
-        logs = [cast("Log", logs)]
+        logs = [logs]
     made: list[Recording] = []
     for item in logs:
         if isinstance(item, Recording):
@@ -370,10 +370,6 @@ def recordings(
             made.append(Recording(arm, item, pressures=pressures, missing=missing, warn=warn))
         pressures = pressures or made[0].pressures.sort
     return made
-
-
-def _facts(fact: ChannelFacts) -> dict[str, Any]:
-    return asdict(fact)
 
 
 def _rate(found: clock.ClockFacts) -> str:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from bha.errors import BhaError
 from bha.parameters import paths
+from bha.recordings.clock import later
 from bha.recordings.compare import predicted
 from bha.recordings.samples import changes
 
@@ -151,7 +152,7 @@ class _Look:
         for k in self.dense:
             good = np.flatnonzero(recording.usable[rows, k])
             time = recording.time[rows][good]
-            forward = np.concatenate([[True], np.diff(time) > 0.0])[: len(good)]
+            forward = later(time)
             good, time = good[forward], time[forward]
             if len(good) < FEWEST:
                 continue
@@ -172,7 +173,9 @@ class _Look:
         """Square of the ripple that some stairs leave, whatever the arm's masses, dampings and stiffnesses are."""
         tables = [self.measured - stepped, stepped - curve]
         for key in UNSURE:
-            number = {path: VARIED * paths.get_value(arm.parameters, path) for path in _all(arm, key)}
+            number = {
+                path: VARIED * paths.get_value(arm.parameters, path) for path in paths.expand(arm.parameters, key)
+            }
             if any(number.values()):
                 varied = type(arm)(paths.with_values(arm.parameters, number))
                 tables.append(self.simulated(varied, "steps", rise) - stepped)
@@ -180,10 +183,6 @@ class _Look:
         table = np.column_stack(causes)
         found = error - table @ np.linalg.lstsq(table, error, rcond=None)[0]
         return float(found @ found)
-
-
-def _all(arm: Arm, pattern: str) -> tuple[str, ...]:
-    return paths.expand(arm.parameters, pattern)
 
 
 def _share(look: _Look, curve: Array, stepped: Array, rise: Rise) -> Stairs | None:
