@@ -9,6 +9,7 @@ mod effects;
 mod errors;
 mod signals;
 mod simulation;
+mod stepping;
 mod table;
 mod virtual_arm;
 
@@ -22,12 +23,12 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<simulation::PySimulation>()?;
-    m.add_class::<control::PyStepper>()?;
+    m.add_class::<stepping::PyStepper>()?;
     m.add_class::<control::PyController>()?;
-    m.add_class::<control::PyFleet>()?;
+    m.add_class::<stepping::PyFleet>()?;
     m.add_function(wrap_pyfunction!(control::closed_loop, m)?)?;
     m.add_function(wrap_pyfunction!(control::rest_near, m)?)?;
-    m.add_function(wrap_pyfunction!(control::plan_steps, m)?)?;
+    m.add_function(wrap_pyfunction!(stepping::plan_steps, m)?)?;
     m.add_function(wrap_pyfunction!(control::resolved_motion, m)?)?;
     m.add_function(wrap_pyfunction!(control::linearize, m)?)?;
     m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
