@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from bha import reference as ref
+
 STEP = 1e-5
 
 
@@ -19,6 +21,17 @@ class State:
     qdd: np.ndarray
     p: np.ndarray
     f_ext: np.ndarray
+
+
+def with_arcs(section: ref.Section, bending: tuple[float, ...] = (0.6, 0.25, 0.15)) -> ref.Section:
+    """The section as three unequal arcs whose radius falls from base to head; its mean by bending is the section's."""
+    lengths, radii = (0.3, 0.2, 0.5), np.array([1.1, 1.0, 0.85])
+    radii *= section.bellows_radius / (np.array(bending) @ radii)
+    arcs = [
+        ref.SectionArc(length, share, float(r), section.terminal_area)
+        for length, share, r in zip(lengths, bending, radii, strict=True)
+    ]
+    return dataclasses.replace(section, arcs=tuple(arcs))
 
 
 def random_state(n: int, seed: int) -> State:

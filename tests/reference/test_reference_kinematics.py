@@ -67,6 +67,7 @@ def test_rigid_pieces_stand_before_and_after_the_arc(arm: ref.Arm) -> None:
     lengths = np.array([0.15, 0.2, 0.3])
     expected = along_z(0.03) @ kinematics.switched_section_pose(bare, lengths) @ along_z(0.05)
     np.testing.assert_allclose(kinematics.switched_section_pose(whole, lengths), expected, atol=1e-16)
+    expected = arm.base_pose @ expected
     one = dataclasses.replace(arm, sections=(whole,))
     positions, rotations = ref.forward_kinematics(one, lengths)
     np.testing.assert_allclose(positions[0], expected[:3, 3], atol=1e-15)

@@ -2,7 +2,8 @@
 
 Source: Falkenhahn, Mahl, Hildebrandt, Neumann, Sawodny, "Dynamic Modeling of Bellows-Actuated Continuum Robots Using
 the Euler-Lagrange Formalism", IEEE Trans. Robotics 31(6), 2015; every function names its equation. Shares nothing with
-the compiled model, not even the reading of parameter files. SI units, base frame, z along the straight arm.
+the compiled model, not even the reading of parameter files. SI units, base frame (the world where an arm has a base
+pose), z along the straight arm.
 
 Where each equation is: (3)-(14) ``kinematics``; (66), (68) ``transformations``; (19)-(21), (63)-(73) ``derivatives``;
 (22)-(24), (39) ``homogeneous``; (25)-(35), (52), (53) ``forces``; (48)-(51), (58)-(61) ``dynamics``; (16), (33),
@@ -22,7 +23,7 @@ from bha.reference.dynamics import (
     inverse_dynamics,
 )
 from bha.reference.energy import Energy, energy
-from bha.reference.parameters import Arm, Section, load_arm, parse_arm
+from bha.reference.parameters import Arm, PointMass, Section, SectionArc, load_arm, parse_arm
 from bha.reference.simulation import ReferenceTrajectory, right_hand_side, simulate_rk4
 from bha.reference.statics import decoupled_static_lengths, static_lengths, static_residual
 
@@ -30,8 +31,10 @@ __all__ = [
     "Arm",
     "DynamicsTerms",
     "Energy",
+    "PointMass",
     "ReferenceTrajectory",
     "Section",
+    "SectionArc",
     "actuation_force",
     "actuation_matrix",
     "bias_force",

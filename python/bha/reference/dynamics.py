@@ -1,8 +1,10 @@
 """Equations of motion M(q) q'' + C(q, q') q' + N(q, q') = tau(q, p) (48) and their matrices: (49)-(51), (58)-(61).
 
-What: inertia and Coriolis matrix entry by entry, as sums over the sections, and the dense solution of (48). Frame: base
-frame. Units: q in m, so M and C are in kg and kg/s, N and tau in N. Sign: N stands on the left side of (48).
-Validity: masses and inertia tensors fixed in the head frames, massless bellows, constant curvature.
+What: inertia and Coriolis matrix entry by entry, as sums over the masses (one a section in the paper, more where they
+lie along a section), and the dense solution of (48). Frame: that of the heads' poses. Units: q in m, so M and C are in
+kg and kg/s, N and tau in N. Sign: N stands on the left side of (48). Validity: masses and inertia tensors fixed in the
+heads' frames or in those of the centre line at their shares of its length, massless bellows, constant curvature of
+each arc.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import numpy as np
 
 from bha.reference.arguments import external, vector
 from bha.reference.derivatives import Transformations, position_derivative, transformations
-from bha.reference.forces import actuation_force_terms, bias_force_terms, generalized_bellows_force
+from bha.reference.forces import actuation_force_above_ambient, actuation_force_terms, bias_force_terms
 from bha.reference.homogeneous import Array, inertia_in_base_frame, rate_operator, rotation_part, rotation_rate
 from bha.reference.parameters import Arm
 
@@ -33,13 +35,14 @@ class DynamicsTerms:
 
 @dataclasses.dataclass(frozen=True)
 class MassTerms:
-    """Recurring terms of (49) and (50) for the mass of one section; m rows, one per coordinate, base frame.
+    """Recurring terms of (49) and (50) for one mass, which moves with section ``section``; m rows, one per coordinate.
 
     ``dr`` (m, 3): dr_S/dq_j. ``w`` (m, 3): Gamma(dR/dq_j R^T), the derivative of the rotation rate by q_j'.
     ``Jw`` (m, 3): J w_j. ``dr_dot`` (m, 3): d/dt dr_S/dq_j. ``Jw_dot`` (m, 3): J dw_j/dt + omega x (J w_j).
     Rotational terms are None without rotational energy, the time derivatives without Coriolis forces.
     """
 
+    section: int
     mass: float
     dr: Array
     w: Array | None
@@ -49,24 +52,24 @@ class MassTerms:
 
 
 def mass_terms(arm: Arm, state: Transformations) -> list[MassTerms]:
-    """Evaluate what (49) and (50) use again and again, for every section; only what the arm's switches leave in."""
+    """Evaluate what (49) and (50) use again and again, for every mass; only what the arm's switches leave in."""
     terms = []
-    for i, section in enumerate(arm.sections):
-        H, dH = state.H[i], state.dH[i]
+    for body in state.bodies:
+        H, dH = body.H, body.dH
         w = Jw = dr_dot = Jw_dot = None
         if arm.rotational_energy:
-            J = inertia_in_base_frame(H, section.inertia_tensor)
+            J = inertia_in_base_frame(H, body.inertia_tensor)
             w = rotation_rate(H, dH)
             Jw = w @ J
-        if state.H_dot is not None and state.dH_dot is not None:
-            dr_dot = position_derivative(state.dH_dot[i], section.homogeneous_center_of_mass)
+        if body.H_dot is not None and body.dH_dot is not None:
+            dr_dot = position_derivative(body.dH_dot, body.r_S)
             if w is not None and Jw is not None:
-                R, R_dot = rotation_part(H), rotation_part(state.H_dot[i])
+                R, R_dot = rotation_part(H), rotation_part(body.H_dot)
                 # d/dt of Gamma(dR/dq_j R^T): Gamma is linear, the product rule is all.
-                w_dot = rate_operator(rotation_part(state.dH_dot[i]) @ R.T + rotation_part(dH) @ R_dot.T)
+                w_dot = rate_operator(rotation_part(body.dH_dot) @ R.T + rotation_part(dH) @ R_dot.T)
                 omega_cross = R_dot @ R.T  # [omega]x, (23)
                 Jw_dot = w_dot @ J + Jw @ omega_cross.T
-        terms.append(MassTerms(section.mass, state.dr_S[i], w, Jw, dr_dot, Jw_dot))
+        terms.append(MassTerms(body.section, body.mass, body.dr_S, w, Jw, dr_dot, Jw_dot))
     return terms
 
 
@@ -77,17 +80,23 @@ def start_section(row: int, column: int) -> int:
 
 def inertia_matrix_from(terms: list[MassTerms]) -> Array:
     """Equation (49), and (58) where the rotational terms are left out: M, shape (3n, 3n), kg."""
-    n = len(terms)
-    M = np.zeros((3 * n, 3 * n))
-    for r in range(3 * n):
+    M = _zeros(terms)
+    for r in range(len(M)):
         for c in range(r + 1):
-            for xi in range(start_section(r, c), n):
-                section = terms[xi]
-                M[r, c] += section.mass * (section.dr[c] @ section.dr[r])
-                if section.w is not None and section.Jw is not None:
-                    M[r, c] += section.w[r] @ section.Jw[c]
+            for body in terms:
+                if body.section < start_section(r, c):
+                    continue
+                M[r, c] += body.mass * (body.dr[c] @ body.dr[r])
+                if body.w is not None and body.Jw is not None:
+                    M[r, c] += body.w[r] @ body.Jw[c]
             M[c, r] = M[r, c]
     return M
+
+
+def _zeros(terms: list[MassTerms]) -> Array:
+    """A matrix (3n, 3n) of zeros, of the terms' sort of number."""
+    size = max(len(body.dr) for body in terms)
+    return np.zeros((size, size), dtype=terms[0].dr.dtype)
 
 
 def coriolis_matrix_from(terms: list[MassTerms]) -> Array:
@@ -97,16 +106,16 @@ def coriolis_matrix_from(terms: list[MassTerms]) -> Array:
     the text we have; here w_r . (J dw_c/dt + omega x (J w_c)), for which C q' is that of the Euler-Lagrange equations
     and dM/dt - 2C is skew-symmetric. Zero where the terms carry no time derivatives (60).
     """
-    n = len(terms)
-    C = np.zeros((3 * n, 3 * n))
-    for r in range(3 * n):
-        for c in range(3 * n):
-            for xi in range(start_section(r, c), n):
-                section = terms[xi]
-                if section.dr_dot is not None:
-                    C[r, c] += section.mass * (section.dr_dot[c] @ section.dr[r])
-                if section.w is not None and section.Jw_dot is not None:
-                    C[r, c] += section.w[r] @ section.Jw_dot[c]
+    C = _zeros(terms)
+    for r in range(len(C)):
+        for c in range(len(C)):
+            for body in terms:
+                if body.section < start_section(r, c):
+                    continue
+                if body.dr_dot is not None:
+                    C[r, c] += body.mass * (body.dr_dot[c] @ body.dr[r])
+                if body.w is not None and body.Jw_dot is not None:
+                    C[r, c] += body.w[r] @ body.Jw_dot[c]
     return C
 
 
@@ -129,7 +138,7 @@ def coriolis_matrix(arm: Arm, q: Array, qd: Array) -> Array:
 def bias_force(arm: Arm, q: Array, qd: Array, f_ext: Array | None = None) -> Array:
     """N(q, q') of (48) by (52): springs, damping, bending, gravity and external forces; (3n,), N.
 
-    ``f_ext`` (n, 3): force at each section's centre of mass in the base frame, N.
+    ``f_ext`` (n, 3): force at each section's centre of mass in the world, N.
     """
     q, qd = vector(arm, "q", q), vector(arm, "qd", qd)
     return bias_force_terms(arm, transformations(arm, q), q, qd, external(arm, f_ext))
@@ -143,9 +152,8 @@ def actuation_force(arm: Arm, q: Array, p: Array) -> Array:
 def actuation_matrix(arm: Arm, q: Array) -> Array:
     """d tau/dp, (3n, 3n), N/Pa: the columns of (53), which is linear in p - p_amb."""
     state = transformations(arm, vector(arm, "q", q))
-    # Bellows forces (25) of 1 Pa above ambient in one bellows after the other.
-    unit_forces = np.diag(np.repeat([section.terminal_area for section in arm.sections], 3))
-    columns = [generalized_bellows_force(arm, state, F.reshape(-1, 3)) for F in unit_forces]
+    # 1 Pa above ambient in one bellows after the other.
+    columns = [actuation_force_above_ambient(arm, state, p) for p in np.eye(3 * arm.section_count)]
     return np.stack(columns, axis=1)
 
 
@@ -172,7 +180,8 @@ def forward_dynamics(arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | Non
     force = terms.actuation_force - terms.bias_force
     if arm.coriolis_forces:
         force -= terms.coriolis_matrix @ qd
-    return np.asarray(np.linalg.solve(terms.inertia_matrix, force), dtype=np.float64)
+    qdd: Array = np.asarray(np.linalg.solve(terms.inertia_matrix, force))
+    return qdd
 
 
 def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, f_ext: Array | None = None) -> Array:

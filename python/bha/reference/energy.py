@@ -1,8 +1,8 @@
 """Kinetic energies (16), (36)-(38) and potentials (33) of a state.
 
-Frame: base frame; the gravitational potential is zero at the base. Units: J. The springs' potential is not in the
-paper, which counts them among the forces; it is the integral of F_spr, and only with ``work_conjugate`` is it what the
-springs give back around a closed path.
+Frame: the world's; the gravitational potential is zero at its origin, which is the base's unless the arm has a base
+pose. Units: J. The springs' potential is not in the paper, which counts them among the forces; it is the integral of
+F_spr, and only with ``work_conjugate`` is it what the springs give back around a closed path.
 """
 
 from __future__ import annotations
@@ -48,16 +48,15 @@ def energy(arm: Arm, q: Array, qd: Array) -> Energy:
     q, qd = vector(arm, "q", q), vector(arm, "qd", qd)
     state = transformations(arm, q)
     trans = rot = grav = bend = springs = 0.0
-    for i, section in enumerate(arm.sections):
-        m = len(state.dH[i])
-        H_dot = np.tensordot(qd[:m], state.dH[i], 1)  # (70)
-        r_S = section.homogeneous_center_of_mass
-        velocity = position_derivative(H_dot, r_S)
-        trans += 0.5 * section.mass * float(velocity @ velocity)  # (37)
+    for body in state.bodies:
+        H_dot = np.tensordot(qd[: len(body.dH)], body.dH, 1)  # (70)
+        velocity = position_derivative(H_dot, body.r_S)
+        trans += 0.5 * body.mass * float(velocity @ velocity)  # (37)
         if arm.rotational_energy:
-            omega = rotation_rate(state.H[i], H_dot)
-            rot += 0.5 * float(omega @ inertia_in_base_frame(state.H[i], section.inertia_tensor) @ omega)  # (38)
-        grav -= section.mass * float(np.array(arm.gravity) @ position(state.H[i], r_S))
+            omega = rotation_rate(body.H, H_dot)
+            rot += 0.5 * float(omega @ inertia_in_base_frame(body.H, body.inertia_tensor) @ omega)  # (38)
+        grav -= body.mass * float(np.array(arm.gravity) @ position(body.H, body.r_S))
+    for i, section in enumerate(arm.sections):
         bend += bending_potential(section, state.x[i])
         springs += spring_potential(section, q[3 * i : 3 * i + 3])
     return Energy(trans, rot, grav, bend, springs)

@@ -7,7 +7,8 @@ in m and m/s, pressures absolute in Pa. N stands on the left of (48), so a force
 section bends, the two are not parallel, and the pair is no longer conjugate to the bellows length: springs then do work
 around a closed path. ``work_conjugate`` (not in the paper) lets a bellows work against its own length, Q_ik = F_ik.
 Both coincide for a straight arm of sections with equal bellows_radius; where the radii differ, (27) makes a bellows
-pull at the head below at that head's radius, not at its own, and the models differ in the straight pose already.
+pull at the head below at that head's radius, not at its own, and the models differ in the straight pose already. Of a
+tapered section the head's radius is that of the last arc; two areas have no place in (27).
 """
 
 from __future__ import annotations
@@ -16,14 +17,33 @@ import numpy as np
 
 from bha.reference.derivatives import Transformations
 from bha.reference.homogeneous import Array, rotation_part
-from bha.reference.parameters import Arm, Section
+from bha.reference.parameters import BELLOWS_ANGLES, Arm, Section
 from bha.reference.transformations import bending_coordinates_jacobian
 
 
 def actuation_bellows_forces(arm: Arm, p: Array) -> Array:
     """Equation (25): F_a = A_P (p - p_amb); shape (n, 3), N."""
-    area = np.array([[section.terminal_area] for section in arm.sections])
-    return area * (p.reshape(-1, 3) - arm.ambient_pressure)
+    return _areas(arm) * (p.reshape(-1, 3) - arm.ambient_pressure)
+
+
+def _areas(arm: Arm) -> Array:
+    """A_P of every section, of one of tapered bellows the mean over its length; shape (n, 1), m^2."""
+    return np.array([[section.terminal_area] for section in arm.sections])
+
+
+def volume_derivatives(section: Section) -> Array:
+    """dV_k/dq_r of the three bellows of a section, in tapered ones as sums over the arcs; shape (3 k, 3 r), m^2.
+
+    V_k = sum of A_j (l_j - r_j psi_j cos(phi - a_k)), area by length beside the centre line, with the arc's shares
+    l_j = lambda_j l and psi_j = beta_j psi. The virtual work of a pressure is (p - p_amb) dV.
+    """
+    dV_dx = np.zeros((3, 3))
+    for arc in section.all_arcs:
+        dV_dx[:, 0] -= arc.area * arc.radius * arc.bending * np.cos(BELLOWS_ANGLES)
+        dV_dx[:, 1] -= arc.area * arc.radius * arc.bending * np.sin(BELLOWS_ANGLES)
+        dV_dx[:, 2] += arc.area * arc.length
+    derivatives: Array = dV_dx @ bending_coordinates_jacobian(section.bellows_radius)
+    return derivatives
 
 
 def spring_force(section: Section, extension: Array) -> Array:
@@ -73,7 +93,7 @@ def generalized_bellows_force(arm: Arm, state: Transformations, F: Array) -> Arr
     if arm.force_model == "work_conjugate":
         return F.reshape(-1)
     F_e = effective_forces(F)
-    Q = np.zeros(F.size)
+    Q = np.zeros(F.size, dtype=np.result_type(F, *state.H))
     for xi in range(arm.section_count):
         z = state.H[xi][:3, 2]
         for chi in range(3):
@@ -84,7 +104,7 @@ def generalized_bellows_force(arm: Arm, state: Transformations, F: Array) -> Arr
     return Q
 
 
-def bending_moment(section: Section, psi: float) -> float:
+def bending_moment(section: Section, psi: complex) -> complex:
     """M_bend(psi) = k1 psi + k3 psi^3, which straightens the section; N m. Linear in the paper (Fig. 9)."""
     k1, k3 = section.bending_stiffness
     return k1 * psi + k3 * psi**3
@@ -97,9 +117,9 @@ def bending_potential_derivative(section: Section, x: Array) -> Array:
     fit in units. dpsi = (u du + v dv) / psi, and zero at the straight pose, where M_bend is zero.
     """
     u, v, _ = x
-    psi = float(np.hypot(u, v))
+    psi = np.sqrt(u * u + v * v)
     if psi == 0.0:
-        return np.zeros(3)
+        return np.zeros(3, dtype=x.dtype)
     dx_dq = bending_coordinates_jacobian(section.bellows_radius)
     dpsi_dq = (u * dx_dq[0] + v * dx_dq[1]) / psi
     derivative: Array = bending_moment(section, psi) * dpsi_dq
@@ -107,20 +127,21 @@ def bending_potential_derivative(section: Section, x: Array) -> Array:
 
 
 def potential_derivative(arm: Arm, state: Transformations) -> Array:
-    """Equations (34) and (35): dU/dq_r = sum over xi of -m g . dr_S/dq_r, plus bending; shape (3n,), N."""
+    """Equations (34) and (35): dU/dq_r = sum over the masses of -m g . dr_S/dq_r, plus bending; shape (3n,), N."""
     gravity = np.array(arm.gravity)
-    dU = np.zeros(3 * arm.section_count)
-    for xi, section in enumerate(arm.sections):
-        weight = section.mass * gravity
-        for r, dr_S in enumerate(state.dr_S[xi]):
+    dU = np.zeros(3 * arm.section_count, dtype=state.x.dtype)
+    for body in state.bodies:
+        weight = body.mass * gravity
+        for r, dr_S in enumerate(body.dr_S):
             dU[r] -= weight @ dr_S
+    for xi, section in enumerate(arm.sections):
         dU[3 * xi : 3 * xi + 3] += bending_potential_derivative(section, state.x[xi])
     return dU
 
 
 def generalized_external_force(arm: Arm, state: Transformations, f_ext: Array) -> Array:
-    """Equation (17) for (28): Q_r = sum over xi of F_S . dr_S/dq_r, F_S (n, 3) in the base frame; shape (3n,), N."""
-    Q = np.zeros(3 * arm.section_count)
+    """Equation (17) for (28): Q_r = sum over xi of F_S . dr_S/dq_r, F_S (n, 3) in the world; shape (3n,), N."""
+    Q = np.zeros(3 * arm.section_count, dtype=np.result_type(f_ext, state.x))
     for xi in range(arm.section_count):
         for r, dr_S in enumerate(state.dr_S[xi]):
             Q[r] += f_ext[xi] @ dr_S
@@ -137,4 +158,13 @@ def bias_force_terms(arm: Arm, state: Transformations, q: Array, qd: Array, f_ex
 
 def actuation_force_terms(arm: Arm, state: Transformations, p: Array) -> Array:
     """Equation (53): tau, the generalized force of the pressures; shape (3n,), N."""
-    return generalized_bellows_force(arm, state, actuation_bellows_forces(arm, p))
+    return actuation_force_above_ambient(arm, state, p - arm.ambient_pressure)
+
+
+def actuation_force_above_ambient(arm: Arm, state: Transformations, p: Array) -> Array:
+    """Equation (53) of pressures (3n,) above ambient, Pa; shape (3n,), N. With ``work_conjugate`` (p - p_amb) dV/dq."""
+    if arm.force_model == "work_conjugate":
+        return np.concatenate(
+            [own @ volume_derivatives(s) for own, s in zip(p.reshape(-1, 3), arm.sections, strict=True)]
+        )
+    return generalized_bellows_force(arm, state, _areas(arm) * p.reshape(-1, 3))

@@ -1,7 +1,8 @@
 """Forward kinematics as the paper writes it: bellows lengths -> arc (phi, kappa, l) -> pose, equations (3) to (14).
 
 Frame: base frame, z along the straight arm; a positive bend leans towards the direction phi. Units: m, rad, 1/m.
-Validity: one arc per section (constant curvature), no twist, q1 + q2 + q3 > 0.
+Validity: constant curvature within each arc of a section (one arc unless the arm says otherwise), no twist,
+q1 + q2 + q3 > 0.
 
 These functions keep the paper's switch to the straight section (11) at a curvature of 1e-6 and with it the paper's
 error of about l * kappa * l / 2 just below the switch. The dynamics need derivatives on both sides of it and use
@@ -62,15 +63,23 @@ def straight_mapping(length: float) -> Array:
 def switched_section_pose(section: Section, lengths: Array) -> Array:
     """Pose of a head in its base frame by (7), then (9) or (11) as the paper switches; shape (4, 4).
 
-    The rigid pieces ``base_offset`` and ``head_offset`` (not in the paper) stand before and after the arc.
+    The rigid pieces ``base_offset`` and ``head_offset`` (not in the paper) stand before and after the arc. Of several
+    arcs each has its share of the length and, in the one plane, of the bending angle (3).
     """
     phi, kappa, length = specific_mapping(lengths, section.bellows_radius)
-    arc = straight_mapping(length) if kappa < STRAIGHT_CURVATURE else general_mapping(phi, kappa, length)
-    return section.base_piece @ arc @ section.head_piece
+    pose = section.base_piece
+    for arc in section.all_arcs:
+        own_length, own_kappa = arc.length * length, arc.bending / arc.length * kappa
+        straight = abs(own_kappa) < STRAIGHT_CURVATURE
+        pose = pose @ (straight_mapping(own_length) if straight else general_mapping(phi, own_kappa, own_length))
+    return pose @ section.head_piece
 
 
 def chain(local_poses: list[Array]) -> list[Array]:
-    """Equations (13) and (14): poses of all heads in the base frame from the poses in the frame of the head below."""
+    """Equations (13) and (14): poses of all heads in the world from the poses in the frame of the head below.
+
+    The first of these is already in the world: it begins with the base's pose (12).
+    """
     poses = [local_poses[0]]
     for local in local_poses[1:]:
         poses.append(poses[-1] @ local)
@@ -80,5 +89,6 @@ def chain(local_poses: list[Array]) -> list[Array]:
 def switched_forward_kinematics(arm: Arm, q: Array) -> tuple[Array, Array]:
     """Head positions (n, 3) in m and rotations (n, 3, 3) by (7), (9), (11) and (14), with the paper's switch."""
     lengths = vector(arm, "q", q).reshape(arm.section_count, 3)
-    poses = np.array(chain([switched_section_pose(s, q_i) for s, q_i in zip(arm.sections, lengths, strict=True)]))
+    local = [switched_section_pose(s, q_i) for s, q_i in zip(arm.sections, lengths, strict=True)]
+    poses = np.array(chain([arm.base_pose @ local[0], *local[1:]]))
     return poses[:, :3, 3], poses[:, :3, :3]

@@ -2,8 +2,8 @@
 
 What: the constants of the paper's model, one frozen dataclass per section, and nothing of the package's own arm class,
 so that a wrong reading of a parameter there shows up against this one. Units: SI. Frame: base frame, z along the
-straight arm. Limits: three equal bellows at 0, 120 and 240 degrees per section; whatever an arm file says beyond that
-(``section.bellows``, ``effects``) is refused, never ignored.
+straight arm; the world frame where an arm file has a base pose (12). Limits: three equal bellows at 0, 120 and 240
+degrees per section; whatever an arm file says beyond that (``section.bellows``, ``effects``) is refused, never ignored.
 """
 
 from __future__ import annotations
@@ -31,8 +31,35 @@ _NOT_IMPLEMENTED_KEYS = frozenset({"bellows", "effects"})
 
 
 @dataclasses.dataclass(frozen=True)
+class SectionArc:
+    """One of several arcs that make a section, from its base on: (6), (8) of variable curvature and conical sections.
+
+    Length and bending are the arc's shares of those of the section; radius and area are those of the bellows here, in
+    m and m^2.
+    """
+
+    length: float
+    bending: float
+    radius: float
+    area: float
+
+
+@dataclasses.dataclass(frozen=True)
+class PointMass:
+    """A mass at a share of the section's arc length; vectors are in the frame of the centre line there."""
+
+    share: float
+    mass: float  # kg
+    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)  # diagonal of J about its centre of mass, kg m^2
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m
+
+
+@dataclasses.dataclass(frozen=True)
 class Section:
-    """One section: three equal bellows between a base plate and a head plate. Vectors are in the head frame."""
+    """One section: three equal bellows between a base plate and a head plate. Vectors are in the head frame.
+
+    Without ``arcs`` it is one arc, (7) and (9). ``masses`` lie along it, beside the ``mass`` at its head.
+    """
 
     mass: float  # kg
     inertia: tuple[float, float, float]  # diagonal of J about the centre of mass, kg m^2
@@ -47,6 +74,18 @@ class Section:
     length_range: tuple[float, float]  # m
     base_offset: float = 0.0  # rigid piece along z below the arc, m
     head_offset: float = 0.0  # rigid piece along z above the arc, m; the head frame sits on top of it
+    arcs: tuple[SectionArc, ...] = ()
+    masses: tuple[PointMass, ...] = ()
+
+    @cached_property
+    def all_arcs(self) -> tuple[SectionArc, ...]:
+        """The arcs, one of them where the section has no others."""
+        return self.arcs or (SectionArc(1.0, 1.0, self.bellows_radius, self.terminal_area),)
+
+    @property
+    def head_radius(self) -> float:
+        """Where the bellows meet the head, m: the radius of the last arc."""
+        return self.all_arcs[-1].radius
 
     @cached_property
     def homogeneous_center_of_mass(self) -> Array:
@@ -56,7 +95,7 @@ class Section:
     @cached_property
     def homogeneous_contact_points(self) -> Array:
         """Equation (18b), where the bellows meet the head, as rows [r_B cos a_k, r_B sin a_k, 0, 1]; shape (3, 4)."""
-        r_B = self.bellows_radius
+        r_B = self.head_radius
         return np.array([[r_B * math.cos(a), r_B * math.sin(a), 0.0, 1.0] for a in BELLOWS_ANGLES])
 
     @cached_property
@@ -84,18 +123,34 @@ class Arm:
     """
 
     sections: tuple[Section, ...]
-    gravity: tuple[float, float, float]  # base frame, m/s^2
+    gravity: tuple[float, float, float]  # world frame, m/s^2
     ambient_pressure: float  # Pa
     force_model: str = "end_force"
     rotational_energy: bool = True
     coriolis_forces: bool = True
+    base_position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # world frame, m
+    base_rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rotation vector, world frame, rad
 
     def __post_init__(self) -> None:
-        """Refuse a force model that does not exist and an arm without sections."""
+        """Refuse a force model that does not exist, an arm without sections and areas that (27) has no place for."""
         if self.force_model not in FORCE_MODELS:
             raise ParameterError(f"force_model: found {self.force_model!r}, allowed are {', '.join(FORCE_MODELS)}")
         if not self.sections:
             raise ParameterError("section: found none, at least one [[section]] is needed")
+        tapered = any(len({arc.area for arc in section.arcs}) > 1 for section in self.sections)
+        if tapered and self.force_model == "end_force":
+            raise ParameterError(
+                "force_model: found end_force with areas that differ along a section; (27) lets a bellows push its two "
+                "ends with one force; allowed is work_conjugate"
+            )
+
+    @cached_property
+    def base_pose(self) -> Array:
+        """Equation (12), wH_1b: pose of the arm's base in the world; shape (4, 4)."""
+        H = np.eye(4)
+        H[:3, :3] = rotation_by_vector(self.base_rotation)
+        H[:3, 3] = self.base_position
+        return H
 
     @property
     def section_count(self) -> int:
@@ -116,6 +171,17 @@ class Arm:
             rotational_energy=self.rotational_energy if rotational_energy is None else rotational_energy,
             coriolis_forces=self.coriolis_forces if coriolis_forces is None else coriolis_forces,
         )
+
+
+def rotation_by_vector(vector: tuple[float, float, float]) -> Array:
+    """Rodrigues' formula: the rotation about a vector by its length, rad; shape (3, 3)."""
+    x, y, z = vector
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle == 0.0:
+        return np.eye(3)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
+    rotation: Array = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+    return rotation
 
 
 def cylinder_inertia(
@@ -154,6 +220,10 @@ def parse_arm(text: str, source: str = "arm") -> Arm:
     sections = table.get("section")
     if not isinstance(sections, list) or not all(isinstance(section, dict) for section in sections):
         raise ParameterError(f"{source}: section: found {sections!r}, needed is at least one [[section]] table")
+    base = table.get("base", {})
+    if not isinstance(base, dict):
+        raise ParameterError(f"{source}: base: found {base!r}, needed is a [base] table")
+    position, rotation = _base(_Table(base, f"{source}: base"))
     arm = Arm(
         sections=tuple(_section(_Table(s, f"{source}: section {i}")) for i, s in enumerate(sections, start=1)),
         gravity=_three(top.numbers("gravity", 3)),
@@ -161,12 +231,26 @@ def parse_arm(text: str, source: str = "arm") -> Arm:
         force_model=top.choice("force_model", "end_force"),
         rotational_energy=top.switch("rotational_energy"),
         coriolis_forces=top.switch("coriolis_forces"),
+        base_position=position,
+        base_rotation=rotation,
     )
     # Ideal pneumatics: the pressures given are those in the bellows, which is all the reference model knows.
     pneumatics = table.get("pneumatics")
     ideal = isinstance(pneumatics, dict) and pneumatics.get("level") == "ideal"
-    top.refuse_the_rest({"schema", "section", "pneumatics"} if ideal else {"schema", "section"})
+    top.refuse_the_rest({"schema", "section", "base", *({"pneumatics"} if ideal else ())})
     return arm
+
+
+def _base(table: _Table) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Position, m, and rotation vector, rad, of the base in the world."""
+    zero = (0.0, 0.0, 0.0)
+    position = _three(table.numbers("position", 3, default=zero))
+    if "rotation" in table.values and "rotation_deg" in table.values:
+        raise ParameterError(f"{table.where}: rotation_deg: found rotation as well, allowed is one of them")
+    x, y, z = table.numbers("rotation_deg", 3, default=zero)
+    rotation = _three(table.numbers("rotation", 3, default=(math.radians(x), math.radians(y), math.radians(z))))
+    table.refuse_the_rest(set())
+    return position, rotation
 
 
 def _section(table: _Table) -> Section:
@@ -182,13 +266,14 @@ def _section(table: _Table) -> Section:
     if "inertia" in table.values:
         inertia = _three(table.numbers("inertia", 3))
     k1, k3 = [*table.numbers("bending_stiffness", 1, 2), 0.0][:2]
+    terminal_area = table.number("terminal_area", positive=True)
     section = Section(
         mass=mass,
         inertia=inertia,
         center_of_mass=_three(table.numbers("center_of_mass", 3, default=(0.0, 0.0, 0.0))),
         bellows_radius=r_B,
         bellows_outer_radius=r_b,
-        terminal_area=table.number("terminal_area", positive=True),
+        terminal_area=terminal_area,
         rest_length=table.number("rest_length", positive=True),
         stiffness=table.numbers("stiffness", 1, 12),
         damping=table.number("damping"),
@@ -196,10 +281,50 @@ def _section(table: _Table) -> Section:
         length_range=(shortest, longest),
         base_offset=table.number("base_offset", default=0.0),
         head_offset=table.number("head_offset", default=0.0),
+        arcs=_arcs(table.tables("arcs"), r_B, terminal_area),
+        masses=tuple(_point_mass(t) for t in table.tables("masses")),
     )
     # The range of pressures limits what a user should ask for; no equation of motion contains it.
     table.refuse_the_rest({"pressure_range"})
     return section
+
+
+def _arcs(tables: list[_Table], bellows_radius: float, terminal_area: float) -> tuple[SectionArc, ...]:
+    """The arcs, with radii whose mean, weighted by bending, is ``bellows_radius``, and areas alike, weighted by length.
+
+    The first is what makes the three lengths those of the bellows: q_k = sum of l_j - r_j psi_j cos(phi - a_k).
+    """
+    stated = []
+    for table in tables:
+        length, bending = table.number("length", positive=True), table.number("bending")
+        stated.append((length, bending, table.number("radius", default=1.0), table.number("area", default=1.0)))
+        table.refuse_the_rest(set())
+    if not stated:
+        return ()
+    for column, name in ((0, "length"), (1, "bending")):
+        if abs(sum(arc[column] for arc in stated) - 1.0) > 1e-6:
+            raise ParameterError(f"{tables[0].where}: {name}: found shares that do not add up to 1")
+    lengths, bendings = sum(arc[0] for arc in stated), sum(arc[1] for arc in stated)
+    mean_radius = sum(b / bendings * r for _, b, r, _ in stated)
+    mean_area = sum(length / lengths * a for length, _, _, a in stated)
+    return tuple(
+        SectionArc(length / lengths, b / bendings, bellows_radius * r / mean_radius, terminal_area * a / mean_area)
+        for length, b, r, a in stated
+    )
+
+
+def _point_mass(table: _Table) -> PointMass:
+    zero = (0.0, 0.0, 0.0)
+    mass = PointMass(
+        share=table.number("share"),
+        mass=table.number("mass", positive=True),
+        inertia=_three(table.numbers("inertia", 3, default=zero)),
+        offset=_three(table.numbers("offset", 3, default=zero)),
+    )
+    table.refuse_the_rest(set())
+    if not 0.0 <= mass.share <= 1.0:
+        raise ParameterError(f"{table.where}: share: found {mass.share!r}, needed is a number from 0 to 1")
+    return mass
 
 
 def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
@@ -248,6 +373,12 @@ class _Table:
         if not all(math.isfinite(v) for v in values):
             raise ParameterError(f"{self.where}: {key}: found {values!r}, needed are finite numbers")
         return tuple(float(v) for v in values)
+
+    def tables(self, key: str) -> list[_Table]:
+        values = self._get(key, ())
+        if not isinstance(values, list | tuple) or not all(isinstance(value, dict) for value in values):
+            raise ParameterError(f"{self.where}: {key}: found {values!r}, needed are tables")
+        return [_Table(value, f"{self.where}: {key} {i}") for i, value in enumerate(values, start=1)]
 
     def choice(self, key: str, default: str) -> str:
         value = self._get(key, default)

@@ -36,7 +36,7 @@ def right_hand_side(
     """Return f(t, y) = y' for y = (q, q'), for instance for ``scipy.integrate.solve_ivp(..., method="DOP853")``.
 
     ``pressure_function(t)`` gives absolute pressures (3n,) Pa; ``force_function(t)`` external forces (n, 3) at the
-    centres of mass in the base frame, N.
+    centres of mass in the world, N.
     """
 
     def f(t: float, y: Array) -> Array:

@@ -37,7 +37,7 @@ def static_lengths(arm: Arm, p: Array, f_ext: Array | None = None, q_start: Arra
     Args:
         arm: the arm.
         p: absolute pressures, Pa.
-        f_ext: external forces (n, 3) at the centres of mass in the base frame, N.
+        f_ext: external forces (n, 3) at the centres of mass in the world, N.
         q_start: where the search starts; by default at the decoupled solution. There can be more than one pose, and
             ``end_force`` can make the one that is found unstable.
 

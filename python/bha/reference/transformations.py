@@ -15,19 +15,24 @@ The pose (9) in x is the rotation about w = (-v, u, 0) (Rodrigues) and the arc t
          [-u, -v, 0, l  ],            [ 0,    0,   -s,  0  ],
          [ 0,  0, 0, 0  ]]            [ 0,    0,    0,  0  ]]
 
-A is linear and B quadratic in x, so the product rule is all there is to it. Frame: base of the section, z along the
-straight section. Units: m, rad. Validity: constant curvature, any psi.
+A is linear and B quadratic in x, so the product rule is all there is to it. A section of several arcs is a product of
+such poses, each at its shares of x. Frame: base of the section, z along the straight section. Units: m, rad. Validity:
+constant curvature within an arc, any psi.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from bha.reference.homogeneous import Array
 from bha.reference.parameters import BELLOWS_ANGLES, Section
+
+# A function of s and its first two derivatives, numbers of the sort that the lengths are of.
+_Jet = tuple[Any, Any, Any]
 
 # Below this s the closed forms of a'', b'' lose digits by cancellation and the power series has not yet any to lose.
 _SERIES_LIMIT = 1.0
@@ -80,22 +85,22 @@ def bending_coordinates(lengths: Array, bellows_radius: float) -> Array:
     )
 
 
-def arc_functions(s: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def arc_functions(s: Any) -> tuple[_Jet, _Jet]:
     """Return a = sin(psi)/psi and b = (1 - cos psi)/psi^2 of s = psi^2, each with its first two derivatives by s."""
-    if s < _SERIES_LIMIT:
+    if abs(s) < _SERIES_LIMIT:
         return _power_series(s, 1), _power_series(s, 2)
-    psi = math.sqrt(s)
-    a = math.sin(psi) / psi
-    b = (1.0 - math.cos(psi)) / s
+    psi = np.sqrt(s)
+    a = np.sin(psi) / psi
+    b = (1.0 - np.cos(psi)) / s
     # From d(cos psi)/ds = -a/2 and the derivatives of s b = 1 - cos(psi) and psi a = sin(psi).
-    da = (math.cos(psi) - a) / (2.0 * s)
+    da = (np.cos(psi) - a) / (2.0 * s)
     db = (a / 2.0 - b) / s
     d2a = -(a / 2.0 + 3.0 * da) / (2.0 * s)
     d2b = (da / 2.0 - 2.0 * db) / s
     return (a, da, d2a), (b, db, d2b)
 
 
-def _power_series(s: float, first: int) -> tuple[float, float, float]:
+def _power_series(s: Any, first: int) -> _Jet:
     """Return the sum of (-s)^k / (2k + first)! and its first two derivatives by s."""
     value = d1 = d2 = 0.0
     for k, coefficient in enumerate(_SERIES_COEFFICIENTS[first]):
@@ -114,7 +119,7 @@ def arc_pose(x: Array, order: int) -> tuple[Array, Array | None, Array | None]:
     """
     u, v, _ = x
     s = u * u + v * v
-    (a, a_s, a_ss), (b, b_s, b_ss) = arc_functions(float(s))
+    (a, a_s, a_ss), (b, b_s, b_ss) = arc_functions(s)
     A = np.tensordot(x, _DA, 1)
     dB = np.tensordot(x, _D2B, 1)
     B = np.tensordot(x, dB, 1) / 2.0
@@ -140,19 +145,43 @@ def _outer(left: Array, right: Array) -> Array:
     return product
 
 
-def local_transformation(section: Section, arc: Array) -> Array:
-    """Pose of a head in the head frame below: an arc (4, 4) of (9) between the section's rigid pieces; shape (4, 4)."""
-    return section.base_piece @ arc @ section.head_piece
+def arcs_pose(section: Section, x: Array, order: int, share: float = 1.0) -> tuple[Array, Array | None, Array | None]:
+    """Pose (8) at a ``share`` of a section's length from its base on, and its derivatives by x up to ``order``.
+
+    The arcs stand in a row. Arc j has the shares (b_j u, b_j v, l_j l) of x, and that in which the share ends a part of
+    these: a part of an arc is an arc. Returns H (4, 4), dH/dx (3, 4, 4) and d2H/dx2 (3, 3, 4, 4), with None for what
+    was not asked for.
+    """
+    H, dH, d2H = np.eye(4), np.zeros((3, 4, 4)), np.zeros((3, 3, 4, 4))
+    start = 0.0
+    for arc in section.all_arcs:
+        part = min(max((share - start) / arc.length, 0.0), 1.0)
+        start += arc.length
+        shares = part * np.array([arc.bending, arc.bending, arc.length])
+        A, dA, d2A = arc_pose(shares * x, order)
+        if d2A is not None and dA is not None:
+            d2A = np.multiply.outer(shares, shares)[:, :, None, None] * d2A
+            mixed = dH[:, None] @ (shares[:, None, None] * dA)[None, :]
+            d2H = d2H @ A + mixed + mixed.swapaxes(0, 1) + H @ d2A
+        if dA is not None:
+            dH = dH @ A + H @ (shares[:, None, None] * dA)
+        H = H @ A
+    return H, dH if order >= 1 else None, d2H if order == 2 else None
 
 
-def local_first_derivatives(section: Section, dH_dx: Array) -> Array:
+def local_transformation(section: Section, arc: Array, end: Array) -> Array:
+    """Pose at the ``end`` (4, 4) of a section's arcs in the head frame below; shape (4, 4)."""
+    return section.base_piece @ arc @ end
+
+
+def local_first_derivatives(section: Section, dH_dx: Array, end: Array) -> Array:
     """Equation (66): dH/dq_k = sum_a dH/dx_a dx_a/dq_k; shape (3, 4, 4), first axis k."""
     dx_dq = bending_coordinates_jacobian(section.bellows_radius)
     dH_dq = np.tensordot(dx_dq, dH_dx, axes=(0, 0))
-    return section.base_piece @ dH_dq @ section.head_piece
+    return section.base_piece @ dH_dq @ end
 
 
-def local_second_derivatives(section: Section, d2H_dx2: Array) -> Array:
+def local_second_derivatives(section: Section, d2H_dx2: Array, end: Array) -> Array:
     """Equation (68): d2H/dq_j dq_k = sum_ab d2H/dx_a dx_b dx_a/dq_j dx_b/dq_k; shape (3, 3, 4, 4), first axes j, k.
 
     The paper's second sum, over dH/dx_a d2x_a/dq_j dq_k, is zero because x is linear in q.
@@ -160,4 +189,4 @@ def local_second_derivatives(section: Section, d2H_dx2: Array) -> Array:
     dx_dq = bending_coordinates_jacobian(section.bellows_radius)
     d2H_dx_dq = np.tensordot(dx_dq, d2H_dx2, axes=(0, 1))  # first axes k, a
     d2H_dq2 = np.tensordot(dx_dq, d2H_dx_dq, axes=(0, 1))  # first axes j, k
-    return section.base_piece @ d2H_dq2 @ section.head_piece
+    return section.base_piece @ d2H_dq2 @ end
