@@ -339,7 +339,7 @@ def layout_rows(arm: bha.Arm, sensors: str, n: int) -> Array:
     """Lengths over the coordinates: the coordinates themselves, or the wires."""
     if sensors != "wires":
         return np.eye(3 * n)
-    from bha.recordings.geometry import wire_row  # noqa: PLC0415
+    from bha.arm.geometry import wire_row  # noqa: PLC0415
 
     return np.array([wire_row(arm.parameters, wire) for wire in arm.parameters.length_sensors])
 

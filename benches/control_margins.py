@@ -12,8 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 import bha
+from bha.cli.control import CONTROLLERS
 from bha.control import FeedbackLinearization, GravityPd, Sensors, linear_loop
-from bha.control.cli import CONTROLLERS
 
 SENSORS = Sensors(length_noise=1e-4, pressure_noise=100.0)
 

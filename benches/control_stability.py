@@ -22,8 +22,8 @@ from rich.progress import track
 from rich.table import Table
 
 import bha
+from bha.cli.control import CONTROLLERS
 from bha.control import Limits, Reference, Sensors, point_to_point, simulate_closed_loop
-from bha.control.cli import CONTROLLERS
 from bha.errors import SimulationError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bha
-from bha.identify import Settings, default_free, excite, identify, record, refine
-from bha.log import Log
+from bha.identification import Settings, default_free, excite, identify, record, refine
+from bha.logs import Log
 from bha.names import length_name
 from bha.parameters import ArmParameters, paths
 

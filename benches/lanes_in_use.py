@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 import bha
 from bha import _core
-from bha.identify import Settings, default_free, identify
+from bha.identification import Settings, default_free, identify
 
 from .identify_recovery import Case, arm_of, start_of, synthetic_log
 

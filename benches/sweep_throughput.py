@@ -21,10 +21,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-import bha.sweep
+import bha.sweeps
 from bha import _core
-from bha.sweep import group
-from bha.sweep.plan import Plan
+from bha.sweeps import group
+from bha.sweeps.plan import Plan
 
 BENT = [1.6e5, 1.0e5, 1.0e5] * 3
 INPUT = {"what": "input.offset", "distribution": "uniform", "low": -2e3, "high": 2e3}
@@ -45,7 +45,7 @@ METHODS: dict[str, dict[str, Any]] = {
 
 
 def plan(runs: int, vary: list[dict[str, Any]], how: dict[str, Any]) -> Plan:
-    return bha.sweep.make_plan(
+    return bha.sweeps.make_plan(
         {
             "schema": "bha-sweep/1",
             "arm": "bha_nominal",
@@ -63,7 +63,7 @@ def plan(runs: int, vary: list[dict[str, Any]], how: dict[str, Any]) -> Plan:
 
 @contextmanager
 def timed(parts: dict[str, float], names: dict[str, str]) -> Iterator[None]:
-    """Add up the processor time that functions of ``bha.sweep.group`` take; ``names`` maps them to parts."""
+    """Add up the processor time that functions of ``bha.sweeps.group`` take; ``names`` maps them to parts."""
 
     def wrapped(function: Callable[..., Any], part: str) -> Callable[..., Any]:
         def call(*args: Any, **kwargs: Any) -> Any:

@@ -16,6 +16,7 @@ import numpy as np
 from rich.console import Console
 
 import bha
+from bha.cli.control import reference_of, table
 from bha.control import (
     ClosedLoopRun,
     Controller,
@@ -27,7 +28,6 @@ from bha.control import (
     StaticModel,
     simulate_closed_loop,
 )
-from bha.control.cli import reference_of, table
 from bha.parameters import ArmParameters
 from bha.plot import plot_tracking, write_figure
 

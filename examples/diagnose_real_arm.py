@@ -22,12 +22,12 @@ from rich.console import Console
 from scipy.optimize import least_squares
 
 import bha
-from bha.diagnose import workflow
-from bha.diagnose.cache import cache_folder
-from bha.diagnose.records import prepare
-from bha.diagnose.refit import Trial
-from bha.diagnose.select import Rules
-from bha.diagnose.shortcuts import PressureProbe, acting_pressures
+from bha.diagnosis import workflow
+from bha.diagnosis.cache import cache_folder
+from bha.diagnosis.records import prepare
+from bha.diagnosis.refit import Trial
+from bha.diagnosis.select import Rules
+from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
 from bha.parameters import ArmParameters
 
 Array = NDArray[np.float64]

@@ -22,7 +22,16 @@ from rich.console import Console
 from rich.table import Table
 
 import bha
-from bha.identify import FreeParameter, Identification, Record, Settings, fit_poses, identification, record, refine
+from bha.identification import (
+    FreeParameter,
+    Identification,
+    Record,
+    Settings,
+    fit_poses,
+    identification,
+    record,
+    refine,
+)
 from bha.parameters import ArmParameters
 
 

@@ -26,7 +26,7 @@ F = 0.1 * np.arange(N).reshape(3, 3)
 X0 = np.r_[Q, QD]
 LOW, HIGH = np.full(M, 0.8e5), np.full(M, 2.0e5)
 SHORT, LONG = np.full(N, 0.1), np.full(N, 0.3)
-FAST = bha.simulation.Options(method="rk4", step=1e-3)
+FAST = bha.Options(method="rk4", step=1e-3)
 
 
 @dataclass(frozen=True)

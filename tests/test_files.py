@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import bha
-from bha.files import UNFINISHED, check_target, make_folder, written_whole
+from bha.support.files import UNFINISHED, check_target, make_folder, written_whole
 
 
 def write(path: Path, text: str) -> None:
@@ -68,7 +68,7 @@ def test_a_link_keeps_pointing_where_it_points(tmp_path: Path) -> None:
 KILLED = """
 import sys, time
 from pathlib import Path
-from bha.files import written_whole
+from bha.support.files import written_whole
 with written_whole(Path(sys.argv[1])) as temporary:
     temporary.write_text("half")
     print("in", flush=True)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 import bha
 from bha import reference
-from bha.diagnose import catalogue
+from bha.arm.geometry import bellows_length_rows, rotations_of
+from bha.diagnosis import catalogue
 from bha.errors import InputError, LogError, ParameterError
-from bha.log import Log
-from bha.recordings.geometry import bellows_length_rows, rotations_of
-from bha.simulation import concatenate
+from bha.logs import Log
+from bha.runs.simulation import concatenate
 
 TORSION = {"kind": "torsion", "where": "all", "stiffness": 20.0}
 DELAYS = [

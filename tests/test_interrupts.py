@@ -54,7 +54,7 @@ calls = {
     "closed loop": lambda: _core.closed_loop(stepper, Pid(arm).build(1e-3), still, 1e5),
     "closed loop of many periods": lambda: simulate_closed_loop(arm, Pid(arm), hold(Q, 200.0)),
     "closed loop in Python": lambda: _core.closed_loop(stepper, lambda t, y: P, still, 1e5),
-    "simulation": lambda: bha.simulate(arm, forever, dt=1e5, options=bha.simulation.Options(method="rk4")),
+    "simulation": lambda: bha.simulate(arm, forever, dt=1e5, options=bha.Options(method="rk4")),
     "batch": lambda: bha.simulate_batch([arm] * 3, forever, X0, times=[0.0, 1e6], threads=1),
     "sensitivities": lambda: bha.sensitivities(arm, forever, X0, times=[0.0, 1e6], parameters=["section.1.mass"]),
     "regulator": lambda: _core.linear_quadratic_gain(states, np.ones((700, 9)), np.eye(700), np.eye(9)),
@@ -156,7 +156,7 @@ def test_ctrl_c_while_failures_become_exceptions_goes_up(monkeypatch: pytest.Mon
     impossible = np.r_[-Q, 0.0 * Q]
     batch = bha.simulate_batch([ARM] * 2, bha.Input.constant(P, 0.1), impossible, times=[0.0, 0.1])
     assert all(isinstance(failure, SimulationError) for failure in batch.failures)
-    run = bha.simulation.Simulation(ARM, bha.Input.constant(P, 0.1), q0=-Q)
+    run = bha.Simulation(ARM, bha.Input.constant(P, 0.1), q0=-Q)
     monkeypatch.setattr(SimulationError, "__init__", interrupted)
     with pytest.raises(KeyboardInterrupt):
         bha.simulate_batch([ARM] * 2, bha.Input.constant(P, 0.1), impossible, times=[0.0, 0.1])
@@ -190,7 +190,7 @@ def test_arrays_may_change_while_the_core_computes() -> None:
         return bha.simulate_batch(ARM, drive, x0, times=[0.0, 5.0], threads=1).lengths
 
     def sensitive(x0: np.ndarray) -> np.ndarray:
-        options = bha.simulation.Options(method="rk4", step=1e-3)
+        options = bha.Options(method="rk4", step=1e-3)
         return bha.sensitivities(ARM, drive, x0, times=[0.0, 2.0], initial_state=False, options=options).states
 
     def fleet(p: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from bha import _core
 from bha.errors import InputError, LogError, LogWarning
-from bha.log import Log
+from bha.logs import Log
 
 pyarrow = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")

@@ -9,7 +9,7 @@ import pytest
 
 from bha import Log
 from bha.errors import LogError, LogWarning
-from bha.units import doubt
+from bha.logs.units import doubt
 
 
 def read(folder: Path, text: str | bytes) -> Log:

@@ -14,14 +14,14 @@ from click.testing import CliRunner
 import bha
 from bha import _core
 from bha.cli import main
-from bha.diagnose.engine import Engine, Job
-from bha.diagnose.model import plain_model
-from bha.diagnose.records import prepare
-from bha.diagnose.start import first_state
-from bha.identify import predict, record
+from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.model import plain_model
+from bha.diagnosis.records import prepare
+from bha.diagnosis.start import first_state
+from bha.identification import predict, record
 from bha.parameters import ArmParameters
 from bha.recordings import PressureSort
-from bha.sweep.plan import make_plan
+from bha.sweeps.plan import make_plan
 
 AMBIENT, NOISE, RATE = 71000.0, 2e-4, 100.0
 #: A reading of the lengths is held for so many rows.

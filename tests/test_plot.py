@@ -12,7 +12,7 @@ import pytest
 from bha.errors import InputError, MissingExtraError
 from bha.plot import plot_errors, plot_shape, plot_trajectories, write_figure
 from bha.plot.style import DASHED, DOTTED, MOST_POINTS, SOLID, line_styles
-from bha.trajectory import Trajectory
+from bha.runs.trajectory import Trajectory
 
 matplotlib = pytest.importorskip("matplotlib")
 

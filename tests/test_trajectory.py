@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bha import names, trajectory_formats
+from bha import names
 from bha.errors import InputError, MissingExtraError
-from bha.trajectory import Trajectory, TrajectoryWriter
+from bha.runs import formats
+from bha.runs.trajectory import Trajectory, TrajectoryWriter
 
 HEADINGS = [
     *("t [s]", "q11 [m]", "q12 [m]", "q13 [m]", "q21 [m]", "q22 [m]", "q23 [m]"),
@@ -55,7 +56,7 @@ def read_parquet(path: Path) -> tuple[list[str], np.ndarray]:
 def read_npz(path: Path) -> tuple[list[str], np.ndarray]:
     with np.load(path, allow_pickle=False) as file:
         statistics = json.loads(str(file["statistics"]))
-        fields = {name: file[name] for name in trajectory_formats.ARRAYS}
+        fields = {name: file[name] for name in formats.ARRAYS}
         read = Trajectory(**fields, input_names=tuple(file["input_names"].tolist()), statistics=statistics)
         assert file["arm_name"] == "two sections"
         return read.columns(), read.table()
@@ -102,7 +103,7 @@ def test_chunks_give_the_file_of_the_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, read: Callable[[Path], Any]
 ) -> None:
     whole = make(rows=50)
-    monkeypatch.setattr(trajectory_formats, "BLOCK_ROWS", 16)
+    monkeypatch.setattr(formats, "BLOCK_ROWS", 16)
     (tmp_path / "whole").mkdir()
     whole.write(tmp_path / "whole" / name)
     with TrajectoryWriter(tmp_path / name) as writer:
@@ -123,7 +124,7 @@ def test_parquet_carries_the_statistics_and_splits_into_row_groups(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr(trajectory_formats, "BLOCK_ROWS", 4)
+    monkeypatch.setattr(formats, "BLOCK_ROWS", 4)
     with TrajectoryWriter(tmp_path / "run.parquet") as writer:
         writer.append(make(rows=3))
         writer.append(make(rows=3, start=1.0))
@@ -257,7 +258,7 @@ def test_copies_are_equal_and_read_only(again: Callable[[Trajectory], Trajectory
     trajectory = replace(make(), measured_lengths=np.zeros((7, 6)))
     copied = again(trajectory)
     assert copied == trajectory
-    for name in (*trajectory_formats.ARRAYS, "measured_lengths"):
+    for name in (*formats.ARRAYS, "measured_lengths"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(copied, name)[0] = 1.0
 

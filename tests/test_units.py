@@ -2,7 +2,7 @@
 
 import pytest
 
-from bha.units import EXAMPLES, UnitError, factor_to_si, measures
+from bha.logs.units import EXAMPLES, UnitError, factor_to_si, measures
 
 
 @pytest.mark.parametrize(

@@ -1,17 +1,17 @@
 """Simulate, identify, diagnose and control pneumatic bellows arms (Falkenhahn et al., IEEE T-RO 31(6), 2015)."""
 
 # Before all that takes time: see there.
-from bha import startup as startup
+from bha.support import startup as startup
 
 # isort: split
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
-from bha.batch import Batch, simulate_batch
-from bha.checkup import Checkup, check
-from bha.derivatives import Derivatives, Sensitivities, parameter_names, sensitivities
-from bha.diagnose import diagnose
+from bha.arm.derivatives import Derivatives, Sensitivities, parameter_names, sensitivities
 from bha.errors import (
     BhaError,
     ConvergenceError,
@@ -25,10 +25,18 @@ from bha.errors import (
     ParameterWarning,
     SimulationError,
 )
-from bha.log import Log
+from bha.logs import Log
 from bha.recordings import Recording
-from bha.simulation import Input, Options, Simulation, simulate
-from bha.trajectory import Trajectory, TrajectoryWriter
+from bha.runs.simulation import Input, Options, Simulation, simulate
+from bha.runs.trajectory import Trajectory, TrajectoryWriter
+from bha.simulation.batch import Batch, simulate_batch
+
+if TYPE_CHECKING:
+    from bha.checkup import Checkup, check
+    from bha.control import simulate_closed_loop
+    from bha.diagnosis import diagnose
+    from bha.identification import excite, identify
+    from bha.sweeps import sweep
 
 __all__ = [
     "Arm",
@@ -57,9 +65,37 @@ __all__ = [
     "__version__",
     "check",
     "diagnose",
+    "excite",
+    "identify",
     "parameter_names",
     "robots",
     "sensitivities",
     "simulate",
     "simulate_batch",
+    "simulate_closed_loop",
+    "sweep",
 ]
+
+#: Name -> its package: what is imported when first asked for, so that ``import bha`` does not wait for it.
+_LATER = {
+    "Checkup": "bha.checkup",
+    "check": "bha.checkup",
+    "diagnose": "bha.diagnosis",
+    "excite": "bha.identification",
+    "identify": "bha.identification",
+    "simulate_closed_loop": "bha.control",
+    "sweep": "bha.sweeps",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of ``_LATER``, once; it is kept as if it had been imported above."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value = getattr(importlib.import_module(_LATER[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """All names, those that are imported later too."""
+    return sorted({*globals(), *__all__})

@@ -34,7 +34,7 @@ from bha import _core
 from bha.control.limits import Limits
 from bha.control.stepper import plan_steps
 from bha.errors import InputError
-from bha.extras import import_extra
+from bha.support.extras import import_extra
 
 gymnasium = import_extra("gymnasium", extra="gym", purpose="Environments")
 import_extra("gymnasium.vector", extra="gym", purpose="Environments")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import bha
+from bha.arm.geometry import wire_row
 from bha.checkup.causes import exchanges, symmetries
 from bha.checkup.layout import layout_of
 from bha.checkup.response import BANK, Filter, filtered
 from bha.checkup.shape import from_heads, from_lengths, to_heads
-from bha.recordings.geometry import wire_row
 
 from .made_logs import about_z, arm_of, log_of, nominal, steps, turned
 

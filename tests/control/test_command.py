@@ -65,14 +65,14 @@ def write(arm: bha.Arm, path: Path) -> Path:
 
 def test_one_that_fails_does_not_end_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither where it comes apart on the way nor where it cannot be made."""
-    from bha.control import cli  # noqa: PLC0415
+    from bha.cli import control as command  # noqa: PLC0415
 
     def unmade(arm: bha.Arm) -> GravityPd:
         raise bha.errors.ConvergenceError("no rest near the middle of the lengths")
 
     wild = lambda arm: GravityPd(arm, proportional=1e150, integral=1e200, derivative=1e150)  # noqa: E731
-    monkeypatch.setitem(cli.CONTROLLERS, "gravity_pd", wild)
-    monkeypatch.setitem(cli.CONTROLLERS, "lqr", unmade)
+    monkeypatch.setitem(command.CONTROLLERS, "gravity_pd", wild)
+    monkeypatch.setitem(command.CONTROLLERS, "lqr", unmade)
     options = ["--reference", "move", "--period", "0.004"]
     for name in ("gravity_pd", "lqr", "full"):
         options += ["--controller", name]

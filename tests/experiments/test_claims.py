@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from bha.cli.experiment import EXPERIMENTS, experiment, function
 from bha.experiments import Laboratory, fig8, fig10, fig11, fig14, table2, tilts
-from bha.experiments.cli import EXPERIMENTS, experiment, function
 from bha.experiments.document import document, section
 from bha.experiments.end_force_drift import free_swing, growth_rate, unstable_poses
 from bha.experiments.outcome import Outcome

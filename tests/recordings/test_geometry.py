@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import bha
 from bha import reference
+from bha.arm import geometry
 from bha.parameters import ArmParameters, LengthSensorParameters, SectionParameters, SensorsParameters
-from bha.recordings import geometry
 
 Array = NDArray[np.float64]
 NOMINAL = bha.robots.parameters("bha_nominal")

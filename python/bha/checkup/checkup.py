@@ -29,7 +29,7 @@ from bha.recordings import Recording, recordings
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
+    from bha.logs import Log
     from bha.recordings import PressureSort
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from bha import __version__
+from bha._core import __version__
 from bha.cli.terminal import errors_as_lines
 
 #: Subcommand -> (module, attribute, line of help). A new command is a file and a line here.
@@ -16,10 +16,10 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
     "check": ("bha.cli.check", "check", "Whether logs and a parameter file belong together."),
     "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),
-    "experiment": ("bha.experiments.cli", "experiment", "The paper's experiments on a virtual arm."),
-    "control": ("bha.control.cli", "control", "Controllers lead a plant along a reference, compared."),
-    "identify": ("bha.identify.cli", "identify_command", "Parameters from measured logs, with intervals."),
-    "excite": ("bha.identify.cli", "excite_command", "Pressures that make parameters known, and how well."),
+    "experiment": ("bha.cli.experiment", "experiment", "The paper's experiments on a virtual arm."),
+    "control": ("bha.cli.control", "control", "Controllers lead a plant along a reference, compared."),
+    "identify": ("bha.cli.identify", "identify_command", "Parameters from measured logs, with intervals."),
+    "excite": ("bha.cli.identify", "excite_command", "Pressures that make parameters known, and how well."),
     "sweep": ("bha.cli.sweep", "sweep", "Monte Carlo or grid over parameters and inputs, resumable."),
     "diagnose": ("bha.cli.diagnose", "diagnose", "Name what the model lacks, from measured logs."),
 }

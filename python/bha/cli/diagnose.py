@@ -19,8 +19,8 @@ from bha.cli.common import (
     table,
 )
 from bha.cli.logs import missing_option, pressures_option, read_logs
-from bha.diagnose import diagnose as run
-from bha.diagnose.result import Diagnosis
+from bha.diagnosis import diagnose as run
+from bha.diagnosis.result import Diagnosis
 from bha.recordings import PressureSort
 
 

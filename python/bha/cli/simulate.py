@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import missing_option, pressures_option
-from bha.files import check_target
-from bha.log import Log
+from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 from bha.recordings.ranges import LengthExtremes
-from bha.simulation import CHUNK_ROWS, Interpolation, Method, Options, Simulation, concatenate, output_times
-from bha.trajectory import Trajectory, TrajectoryWriter
+from bha.runs.simulation import CHUNK_ROWS, Interpolation, Method, Options, Simulation, concatenate, output_times
+from bha.runs.trajectory import Trajectory, TrajectoryWriter
+from bha.support.files import check_target
 
 #: Rows that a figure gets at the most; more cannot be told apart.
 FIGURE_ROWS = 4000

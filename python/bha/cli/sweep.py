@@ -8,7 +8,8 @@ import click
 
 from bha.cli.common import INTERRUPTED, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.errors import FileError, InputError
-from bha.sweep import Summary, run, summarize
+from bha.sweeps import Summary, summarize
+from bha.sweeps import sweep as run_sweep
 
 
 @click.command()
@@ -38,7 +39,7 @@ def sweep(spec: Path, out: Path | None, threads: int | None, dask: str | None, a
                     started = True
                 bar.update(task, completed=done)
 
-            found = run(spec, folder, threads=threads, dask=dask, progress=tell)
+            found = run_sweep(spec, folder, threads=threads, dask=dask, progress=tell)
     except KeyboardInterrupt:
         _interrupted(folder)
     if as_json:

@@ -15,7 +15,7 @@ from bha.control.limits import Limits
 from bha.control.references import Reference
 from bha.control.stepper import Stepper
 from bha.errors import InputError, SimulationError
-from bha.trajectory import Trajectory
+from bha.runs.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from bha.arm import Arm

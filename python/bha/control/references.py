@@ -19,7 +19,7 @@ from bha.arrays import floats
 from bha.control.limits import Limits
 from bha.control.reach import comfortable_radius, warn_of_reach
 from bha.errors import InputError
-from bha.extras import import_extra
+from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from bha.arm import Arm

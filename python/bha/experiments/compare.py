@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.trajectory import Trajectory
+from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

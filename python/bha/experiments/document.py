@@ -8,8 +8,8 @@ from pathlib import Path
 
 from bha.experiments.outcome import Outcome, Table
 from bha.experiments.virtual_arm import Body, Sensors
-from bha.files import make_folder, written_whole
 from bha.plot import write_figure
+from bha.support.files import make_folder, written_whole
 
 #: Longest line of the document.
 LINE = 120

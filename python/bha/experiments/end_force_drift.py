@@ -15,8 +15,8 @@ from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
 from bha.experiments.procedures import with_sections
 from bha.parameters import ForceModel
-from bha.simulation import Input, Options, Simulation, concatenate
-from bha.trajectory import Trajectory
+from bha.runs.simulation import Input, Options, Simulation, concatenate
+from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

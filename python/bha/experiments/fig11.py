@@ -8,8 +8,8 @@ from bha.experiments.figures import energy_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome
 from bha.experiments.procedures import swing_from_release, with_sections
-from bha.extras import import_extra
 from bha.parameters import SectionParameters
+from bha.support.extras import import_extra
 
 #: Window of the differentiating filter, samples; a fifth of the swing's period.
 WINDOW = 101

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.experiments.procedures import BendingFit, StiffnessFit
-from bha.extras import import_extra
 from bha.plot.style import (
     COLORS,
     DASHED,
@@ -22,12 +21,13 @@ from bha.plot.style import (
     line_options,
     line_styles,
 )
+from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bha.trajectory import Trajectory
+    from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 WIDTH = 7.2

@@ -13,8 +13,8 @@ from bha import robots
 from bha.arm import Arm
 from bha.experiments import procedures, schedules
 from bha.experiments.virtual_arm import Schedule, VirtualArm
-from bha.log import Log
-from bha.trajectory import Trajectory
+from bha.logs import Log
+from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

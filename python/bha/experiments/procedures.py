@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.experiments.virtual_arm import Schedule
-from bha.extras import import_extra
-from bha.log import Log
+from bha.logs import Log
 from bha.parameters import ArmParameters
 from bha.recordings import Recording
-from bha.simulation import Input, simulate
-from bha.trajectory import Trajectory
+from bha.runs.simulation import Input, simulate
+from bha.runs.trajectory import Trajectory
+from bha.support.extras import import_extra
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from bha import reference
 from bha.arm import Arm
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.simulation import simulate
+from bha.runs.simulation import simulate
 
 Array = NDArray[np.float64]
 

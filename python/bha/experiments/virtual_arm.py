@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from bha import _core
 from bha.arm import Arm
 from bha.errors import InputError
-from bha.log import Log
+from bha.logs import Log
 from bha.names import column, length_name
 from bha.parameters import ForceModel
 

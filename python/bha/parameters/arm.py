@@ -14,7 +14,6 @@ from typing import Any, Literal, Self, get_args
 from pydantic import PrivateAttr, ValidationError, model_validator
 
 from bha.errors import ParameterError, ParameterWarning
-from bha.files import written_whole
 from bha.parameters import messages
 from bha.parameters.base import NotNegative, Switch, Table, Vector3, key
 from bha.parameters.document import merged_toml
@@ -30,6 +29,7 @@ from bha.parameters.provenance import (
 )
 from bha.parameters.section import SectionParameters
 from bha.parameters.sensors import LengthSensorParameters, SensorsParameters, check_length_sensors
+from bha.support.files import written_whole
 
 SCHEMA = "bha-arm/1"
 #: Most sections of an arm, as in the core.

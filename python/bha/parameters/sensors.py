@@ -1,7 +1,7 @@
 """Where and what the sensors of an arm measure: the ``[sensors]`` and ``[[length_sensor]]`` tables of a parameter file.
 
 They say how measured columns of a log relate to the model; the model's motion does not depend on them, and the compiled
-core never sees them. ``bha.recordings.geometry`` has the maps that follow from them.
+core never sees them. ``bha.arm.geometry`` has the maps that follow from them.
 
 ::
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha.errors import InputError
-from bha.extras import import_extra
 from bha.plot.style import MILLIMETRES_PER_METRE, figure_of_size
+from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

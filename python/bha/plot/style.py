@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import InputError
-from bha.extras import import_extra
-from bha.files import written_whole
+from bha.support.extras import import_extra
+from bha.support.files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bha.trajectory import Trajectory
+    from bha.runs.trajectory import Trajectory
 
 # Okabe-Ito, the colours that also differ in brightness first: apart for colour-blind eyes and in grey print.
 COLORS = ("#000000", "#0072B2", "#E69F00", "#56B4E9", "#D55E00", "#009E73", "#CC79A7", "#F0E442")

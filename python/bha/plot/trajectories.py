@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bha import names
-from bha.extras import import_extra
 from bha.plot.style import (
     COLORS,
     MILLIMETRES_PER_METRE,
@@ -20,13 +19,14 @@ from bha.plot.style import (
     line_options,
     line_styles,
 )
+from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.gridspec import SubplotSpec
 
-    from bha.trajectory import Trajectory
+    from bha.runs.trajectory import Trajectory
 
 
 def plot_trajectories(trajectories: Mapping[str, Trajectory], *, title: str | None = None) -> Figure:

@@ -12,11 +12,11 @@ from bha.recordings.clock import later
 from bha.recordings.interpolation import akima
 from bha.recordings.outputs import Observation, observe
 from bha.recordings.samples import judge
-from bha.trajectory import Trajectory
+from bha.runs.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
+    from bha.logs import Log
     from bha.recordings.recording import Recording
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """What a log measures of an arm, and how it follows from the arm's coordinates and heads.
 
-Lengths of bellows and wires are linear in the coordinates (``bha.recordings.geometry``). Positions and orientations of
+Lengths of bellows and wires are linear in the coordinates (``bha.arm.geometry``). Positions and orientations of
 heads are seen in the camera's frame, which the arm's file may shift and turn.
 """
 
@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import _core, names
+from bha.arm import geometry
 from bha.errors import LogError
-from bha.recordings import geometry
-from bha.units import UnitError, factor_to_si
+from bha.logs.units import UnitError, factor_to_si
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
+    from bha.logs import Log
     from bha.parameters import ArmParameters
 
 Array = NDArray[np.float64]

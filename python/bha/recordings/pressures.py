@@ -22,7 +22,7 @@ from bha.recordings.samples import ChannelFacts
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.log import Log
+    from bha.logs import Log
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

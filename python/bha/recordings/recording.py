@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import InputError, LogError, LogWarning
-from bha.log import Log
+from bha.logs import Log
 from bha.recordings import aligned, clock, compare, frozen, pressures, ranges, samples, stairs, unused
 from bha.recordings.outputs import Output, observe
 from bha.recordings.pressures import PressureChoice, PressureSort
@@ -26,8 +26,8 @@ from bha.recordings.samples import ChannelFacts
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.simulation import Input
-    from bha.trajectory import Trajectory
+    from bha.runs.simulation import Input
+    from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -247,7 +247,7 @@ class Recording:
         self, readings: Literal["curve", "steps"], between: Literal["linear", "hold"]
     ) -> tuple[Input, NDArray[np.intp]]:
         """:attr:`drive` and :attr:`drive_rows` by some reading of pressures that are held, see `PressureChoice`."""
-        from bha.simulation import Input  # noqa: PLC0415  (it makes recordings of logs)
+        from bha.runs.simulation import Input  # noqa: PLC0415  (it makes recordings of logs)
 
         forces = self.log.forces_on(self.arm.section_count)
         commanded = self.pressures.sort == "commanded"

@@ -136,7 +136,7 @@ class _Look:
     def simulated(self, arm: Arm, readings: Literal["curve", "steps"], rise: Rise) -> Array:
         """Outputs in the rows, from rest under the first pressures; shape (rows, C)."""
         # It makes recordings of logs.
-        from bha.simulation import Input, Simulation, concatenate  # noqa: PLC0415
+        from bha.runs.simulation import Input, Simulation, concatenate  # noqa: PLC0415
 
         drive, at = self.recording.drive_by(readings, rise)
         first, last = int(at[self.rows][0]), int(at[self.rows][-1]) + 1

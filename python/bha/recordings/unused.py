@@ -7,10 +7,10 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from bha import names
-from bha.units import measures
+from bha.logs.units import measures
 
 if TYPE_CHECKING:
-    from bha.log import Log
+    from bha.logs import Log
 
 #: Letters with a number of a section or bellows behind: what names of quantities look like.
 _LIKE_A_QUANTITY = re.compile(r"[a-zA-Z]{1,4}[_ ]?\d{1,2}(_\d{1,2})?")

@@ -1,0 +1,103 @@
+"""Find where simulation and measurement disagree, name the missing effect, add it, show the gap shrink.
+
+``bha.diagnose(arm, logs, holdout=...)`` runs the workflow; ``docs/diagnosis.md`` explains it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from typing import TYPE_CHECKING
+
+from bha.checkup import checked
+from bha.errors import InputError
+from bha.support.extras import import_extra
+from bha.support.files import make_folder
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.diagnosis.result import Diagnosis
+    from bha.logs import Log
+    from bha.recordings import PressureSort, Recording
+
+
+def diagnose(
+    arm: Arm,
+    logs: Sequence[Log | Recording],
+    holdout: Sequence[Log | Recording] = (),
+    *,
+    out: str | os.PathLike[str] | None = None,
+    pressures: PressureSort | None = None,
+    kinds: Sequence[str] | None = None,
+    report: bool = True,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[str, float | None], None] | None = None,
+) -> Diagnosis:
+    """Diagnose what the model of an arm lacks, from logs of the real one.
+
+    The plain model is re-identified first; then its error on held-out logs is tested against noise, all effects of the
+    registry are screened in all places, the promising ones are refitted together with the plain parameters, and those
+    that earn their place on the held-out logs are named. See ``docs/diagnosis.md``.
+
+    Args:
+        arm: the arm as its parameter file says; its identifiable values may be off by some 15 %.
+        logs: training logs, or recordings of them, with pressures and lengths or head positions, all with the same
+            outputs.
+        holdout: logs that take no part in any fit; if empty, the last third of ``logs`` (of the only log's time).
+        out: folder for ``diagnosis.json``, ``arm_diagnosed.toml`` and ``report.html``; nothing is written if None.
+        pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
+            where the first log has them.
+        kinds: kinds of effects that are candidates; all of the registry if None.
+        report: write ``report.html`` too (extra ``report``).
+        seed: of all that is drawn at random.
+        threads: how many threads; as many as there are cores if None.
+        progress: called with the stage and the share of it that is done, None where that is not known.
+
+    Returns:
+        The diagnosis, see :class:`bha.diagnosis.result.Diagnosis`. After Ctrl-C in the search what was found so far,
+        with ``complete`` false.
+
+    Raises:
+        InputError: no logs, logs without outputs or with different ones; another diagnosis is at work in ``out``,
+            or a file of the results' names there is none of a diagnosis.
+        FileError: a file cannot be written.
+        LogError: a log lacks a pressure of the arm.
+        ConvergenceError: the arm diverges under these logs.
+        MissingExtraError: SciPy, or Plotly for the report, is not installed.
+    """
+    import_extra("scipy", extra="identify", purpose="Diagnosis")
+    if out is not None and report:
+        import_extra("plotly", extra="report", purpose="The report of a diagnosis")
+    folder = None if out is None else make_folder(out)
+    from bha.diagnosis import workflow, written  # noqa: PLC0415  (SciPy is an extra)
+    from bha.diagnosis.cache import cache_folder  # noqa: PLC0415
+
+    if not logs:
+        raise InputError("logs: none; at least one is needed")
+    checkup = checked(arm, [*logs, *holdout], pressures=pressures)
+    train, held = checkup.recordings[: len(logs)], checkup.recordings[len(logs) :]
+    # Held until all is written: two diagnoses into one folder would mix their results.
+    with nullcontext() if folder is None else cache_folder(folder) as kept:
+        if folder is not None:
+            written.check_results(folder, report=report)
+        outcome = workflow.run(
+            train,
+            held,
+            kinds=kinds,
+            seed=seed,
+            threads=threads,
+            progress=progress,
+            cache_folder=kept,
+            faults=checkup.faults,
+        )
+        if folder is not None:
+            diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
+            diagnosed.save(folder / "arm_diagnosed.toml")
+            if report:
+                from bha.diagnosis.report import write_report  # noqa: PLC0415  (Plotly is an extra)
+
+                write_report(outcome, arm, folder / "report.html")
+            outcome.diagnosis.write(folder / "diagnosis.json")
+    return outcome.diagnosis

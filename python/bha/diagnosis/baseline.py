@@ -1,0 +1,362 @@
+"""The plain model first: integration step, initial states, noise of a right model, re-identified parameters.
+
+What: everything that has to be settled before a gap means anything. A wrong stiffness or an unknown initial state must
+never be taken for physics.
+Source: paper section IV for the plain parameters; issue of errors in variables: the pressure noise is part of the noise
+model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.interpolate import CubicSpline
+from scipy.signal import firwin
+
+from bha import _core
+from bha.diagnosis.cache import Cache
+from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.fit import Fit, Problem, evaluate, improve, weighted, with_sensitivities
+from bha.diagnosis.model import DAMPING_SPREAD, Model
+from bha.diagnosis.noise import (
+    QUIET_FREQUENCY,
+    TOP_FREQUENCY,
+    NoiseModel,
+    SensorNoise,
+    Whitener,
+    frequencies,
+    noise_model,
+    sensor_noise,
+)
+from bha.diagnosis.records import Record
+from bha.diagnosis.smoothing import filtered
+from bha.diagnosis.start import first_state, tells_state
+from bha.diagnosis.steps import (
+    COARSE_ERROR_SHARE,
+    COARSE_MISFIT_SHARE,
+    FAR_OFF,
+    MISFIT_SHARE,
+    STEP_ERROR_SHARE,
+    checked_rows,
+    noise_of,
+    root_mean_square,
+)
+from bha.errors import ConvergenceError
+
+Array = NDArray[np.float64]
+
+Method = Literal["rk4", "ros2"]
+#: Methods of integration, the cheaper first.
+METHODS: tuple[Method, ...] = ("rk4", "ros2")
+#: Length of the pieces of the first fit, s.
+WINDOW_TIME = 0.8
+#: Rows of a piece: wanted where rows are far apart, and the fewest of a piece that counts (a dropout leaves fewer).
+WINDOW_ROWS, FEWEST_WINDOW_ROWS = 12, 8
+#: Factors on the file's damping from which the plain model of a stiff arm is fitted, and how far off it plausibly is:
+#: one standard deviation of its logarithm.
+STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
+#: Draws of pressure noise per log for the noise model.
+DRAWS = 3
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Logs made ready for a given arm and step.
+
+    Attributes:
+        records: thinned logs.
+        full: the logs as they were.
+        states: first guess of the initial states.
+        step: step of the integration, s.
+        coarse: step where only differences between runs are wanted, s.
+        step_error: RMS difference to half the step, m.
+        method: of integration.
+        errors: the steps that were tried with that method and stay stable, s, and the error of each, m.
+    """
+
+    records: tuple[Record, ...]
+    full: tuple[Record, ...]
+    states: tuple[Array, ...]
+    step: float
+    coarse: float
+    step_error: float
+    method: Method = "rk4"
+    errors: tuple[tuple[float, float], ...] = ()
+
+    def longest_step(self, error: float) -> float:
+        """The longest step with at most that error, s; ``step`` if there is none."""
+        return max((step for step, found in self.errors if found <= error), default=self.step)
+
+
+def thin(record: Record, factor: int) -> Record:
+    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR).
+
+    The filter's half length is lost at either end: whatever continues a motion there would be taken for an error.
+    """
+    if factor == 1:
+        return record
+    taps = firwin(12 * factor + 1, 0.72 / factor)
+    half = len(taps) // 2
+    keep = slice(half, len(record.rows) - half, factor)
+    columns = [np.convolve(y, taps, mode="valid") for y in record.outputs.T]
+    # A row that does not count spoils those that its filter reaches.
+    bad = [np.convolve(~y, np.ones(len(taps)), mode="valid") > 0.5 for y in record.good.T]
+    return replace(
+        record,
+        rows=record.rows[keep],
+        outputs=np.column_stack(columns)[::factor],
+        good=~np.column_stack(bad)[::factor],
+        thinning=record.thinning * factor,
+    )
+
+
+def cut_to(record: Record, thinned: Record) -> Record:
+    """The rows of ``record`` from the first to the last of ``thinned``."""
+    inside = (record.rows >= thinned.rows[0]) & (record.rows <= thinned.rows[-1])
+    return replace(record, rows=record.rows[inside], outputs=record.outputs[inside], good=record.good[inside])
+
+
+def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float, Method], Engine]) -> Prepared:
+    """Choose the coarsest step whose error stays below the noise, thin the logs accordingly, guess initial states.
+
+    The error of a step is the RMS difference to half of it on the first seconds of every log, measured, not assumed.
+
+    Raises:
+        ConvergenceError: the nominal arm diverges at every step tried.
+    """
+    text = model.arm(np.zeros(model.size))
+    arm = _core.Arm(text)
+    sample = min(r.sample_time for r in records)
+    # Rows may be thinned as long as the band that counts stays below their Nyquist frequency.
+    factor = max([1, *(f for f in (2, 3, 4) if f * sample <= 0.4 / TOP_FREQUENCY)])
+    thinned = tuple(thin(r, factor) for r in records)
+    states = tuple(first_state(arm, r, model.sections) for r in thinned)
+    jobs = [Job(text, r, s, rows=checked_rows(r)) for r, s in zip(thinned, states, strict=True)]
+    noise = noise_of(records)
+    steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
+    errors: dict[Method, list[tuple[float, float]]] = {method: [] for method in METHODS}
+    for step in steps:
+        # The implicit method costs more a step; arms whose damping outweighs their inertia are stiff and need it.
+        for method in METHODS:
+            fine, finer = engine(step, method).run(jobs), engine(step / 2.0, method).run(jobs)
+            error = root_mean_square(fine, finer)
+            if not np.isfinite(error):
+                continue
+            errors[method].append((step, error))
+            near = error <= COARSE_ERROR_SHARE * noise
+            if error <= STEP_ERROR_SHARE * noise or (step == steps[-1] and method == "rk4"):
+                full = tuple(cut_to(r, t) for r, t in zip(records, thinned, strict=True))
+                found = Prepared(thinned, full, states, step, step, error, method, tuple(errors[method]))
+                return replace(found, coarse=found.longest_step(COARSE_ERROR_SHARE * noise))
+            if method == "rk4" and near:
+                # Not stiff, only not exact enough: smaller steps of the cheap method do.
+                break
+    raise ConvergenceError(
+        "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
+        "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"
+    )
+
+
+def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | None:
+    """The logs in pieces of ``WINDOW_TIME``; None where pieces have no start: neither lengths nor heads were measured.
+
+    Open loop over a whole log, an arm that is off by 15 per cent may run away, and so may every step of a fit from
+    there; over a short time from the measured state it does not (multiple shooting: Bock 1983).
+    """
+    if not tells_state(records[0].observation, sections):
+        return None
+    pieces = []
+    for record in records:
+        start, end = float(record.output_time[0]), float(record.output_time[-1])
+        length = max(WINDOW_TIME, WINDOW_ROWS * record.sample_time)
+        edges = np.linspace(start, end, max(1, round((end - start) / length)) + 1)
+        counts = np.histogram(record.output_time, edges)[0]
+        enough = [pair for pair, n in zip(pairwise(edges), counts, strict=True) if n >= FEWEST_WINDOW_ROWS]
+        pieces += [record.between(float(a), float(b)) for a, b in enough]
+    return tuple(pieces) or None
+
+
+def disturbed_outputs(
+    engine: Engine, arm: str, records: Sequence[Record], states: Sequence[Array], base: Sequence[Array], seed: int
+) -> list[list[Array]]:
+    """What draws of pressure noise do to the outputs of each log."""
+    rng = np.random.default_rng([seed, 71])
+    jobs = []
+    for record, state in zip(records, states, strict=True):
+        if not np.any(record.pressure_noise > 0.0):
+            continue
+        for _ in range(DRAWS):
+            noise = record.pressure_noise * rng.standard_normal(record.pressures.shape)
+            if record.pressure_taps is not None:
+                noise = filtered(noise, record.pressure_taps)
+            jobs.append(Job(arm, record, state, record.pressures + noise))
+    outputs = iter(engine.run(jobs))
+    result: list[list[Array]] = []
+    for record, y in zip(records, base, strict=True):
+        draws: list[Array] = []
+        if np.any(record.pressure_noise > 0.0):
+            draws = [np.nan_to_num(next(outputs) - y) for _ in range(DRAWS)]
+        result.append(draws)
+    return result
+
+
+def _add_to_bins(sums: Array, counts: Array, edges: Array, frequency: Array, power: Array) -> None:
+    place = np.searchsorted(edges, frequency) - 1
+    inside = (place >= 0) & (place < len(sums))
+    np.add.at(sums, place[inside], power[inside])
+    np.add.at(counts, place[inside], 1.0)
+
+
+def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence[Sequence[Array]]) -> list[SensorNoise]:
+    """Noise of each output, coloured where the spectrum above the arm's motion says so; alike for one kind of sensor.
+
+    The residual is taken at all rows of the logs, the simulation interpolated between its own: it is smooth.
+    """
+    records = prepared.full
+    white = np.sqrt(np.mean([r.noise**2 for r in records], axis=0))
+    result = [SensorNoise(float(v)) for v in white]
+    sample_time = float(np.median([r.sample_time for r in records]))
+    top = 0.47 / sample_time
+    if top < 2.0 * QUIET_FREQUENCY:
+        return result
+    is_length = records[0].observation.is_length
+    edges = np.linspace(QUIET_FREQUENCY, top, 60)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    for group in (np.flatnonzero(is_length), np.flatnonzero(~is_length)):
+        if not len(group):
+            continue
+        sums, counts = np.zeros(len(centres)), np.zeros(len(centres))
+        for record, thinned, y in zip(records, prepared.records, outputs, strict=True):
+            smooth = CubicSpline(thinned.output_time, y[:, group])(record.output_time)
+            power = np.mean((dct(record.outputs[:, group] - smooth, axis=0, norm="ortho") / white[group]) ** 2, axis=1)
+            _add_to_bins(sums, counts, edges, frequencies(len(record.rows), sample_time), power)
+        known, draws = np.zeros(len(centres)), np.zeros(len(centres))
+        for thinned, changes in zip(prepared.records, disturbed, strict=True):
+            for change in changes:
+                # A coefficient of thinned rows holds less of the same spectrum.
+                power = (
+                    np.mean((dct(change[:, group], axis=0, norm="ortho") / white[group]) ** 2, axis=1)
+                    * thinned.thinning
+                )
+                _add_to_bins(known, draws, edges, frequencies(len(change), thinned.sample_time), power)
+        known /= np.maximum(draws, 1.0)
+        total = float(counts.sum()) * len(group)
+        found = sensor_noise(sums / np.maximum(counts, 1.0), total, centres, sample_time, 1.0, known)
+        for k in group:
+            result[k] = SensorNoise(float(white[k]) * found.deviation, found.share, found.time)
+    return result
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The re-identified plain model.
+
+    Attributes:
+        problem: the training logs with their final whitening.
+        noise: the noise model.
+        fit: the fit, with sensitivities.
+        prepared: step and thinned logs.
+    """
+
+    problem: Problem
+    noise: NoiseModel
+    fit: Fit
+    prepared: Prepared
+
+
+def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel, engine: Engine) -> tuple[Array, list[Array]]:
+    """Plain parameters by multiple shooting, and guesses of the logs' initial states."""
+    records, x = prepared.records, np.zeros(model.size)
+    arm = _core.Arm(model.arm(x))
+    pieces = windows(records, model.sections)
+    parts = pieces or records
+    begin = prepared.states if pieces is None else [first_state(arm, r, model.sections) for r in pieces]
+    problem = Problem(parts, tuple(Whitener(r, rough) for r in parts), engine)
+    fit = improve(problem, evaluate(problem, model, x, begin), iterations=20, tolerance=0.02, renewals=5)
+    return fit.x, list(prepared.states if pieces is not None else fit.states)
+
+
+def with_wide_damping(model: Model) -> Model:
+    """The model with dampings that may plausibly be off by a factor of ten and more."""
+    weight = (DAMPING_SPREAD / STIFF_DAMPING_SPREAD) ** 2
+    plain = (replace(c, prior=weight) if c.path[0] == "damping" else c for c in model.plain)
+    return replace(model, plain=tuple(plain))
+
+
+def with_damping(model: Model, x: Array, factor: float) -> Array:
+    """Plain coordinates ``x`` with dampings at ``factor`` times the file's."""
+    damped = (c.coordinate(factor * c.nominal) if c.path[0] == "damping" else None for c in model.plain)
+    return np.array([v if d is None else d for v, d in zip(x, damped, strict=True)])
+
+
+def _damped_fit(model: Model, prepared: Prepared, problem: Problem) -> tuple[Array, list[Array]]:
+    """Plain parameters and initial states of a stiff arm from whole logs, from several dampings; the best fit counts.
+
+    What is damped more than it weighs does not run away, so that whole logs can be fitted. Pieces would mislead: an arm
+    that hardly moves fits each of them, from its own start, whatever the springs. How strong the damping is no swing
+    tells, and files are off by orders of magnitude; a weak one hides in what the springs make up for.
+    """
+    nominal = evaluate(problem, model, np.zeros(model.size), prepared.states)
+    quick = replace(problem, engine=_engine_for(problem.engine, prepared, nominal, problem))
+    fits = []
+    for factor in STIFF_DAMPINGS:
+        x = with_damping(model, np.zeros(model.size), factor)
+        fit = evaluate(quick, model, x, prepared.states)
+        if np.isfinite(fit.cost):
+            fits.append(improve(quick, fit, iterations=40, tolerance=1e-3, renewals=12))
+    if not fits:
+        raise ConvergenceError("the simulation diverges at the start of the fit; is the arm's file that of the logs?")
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.x, list(best.states)
+
+
+def _engine_for(engine: Engine, prepared: Prepared, fit: Fit, problem: Problem) -> Engine:
+    """The engine, with a longer step where the plain model is off by so much more than noise that a share is enough."""
+    if not FAR_OFF < problem.misfit(fit) < np.inf:
+        return engine
+    misfit = problem.misfit(fit) * noise_of(prepared.records)
+    step = prepared.longest_step(MISFIT_SHARE * misfit)
+    return engine.with_step(step, prepared.longest_step(COARSE_MISFIT_SHARE * misfit))
+
+
+def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, cache: Cache | None = None) -> Baseline:
+    """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
+
+    Raises:
+        ConvergenceError: the nominal arm diverges under these logs.
+    """
+    cache = cache or Cache(None, "")
+    records = prepared.records
+    # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
+    rough = noise_model(records, [[] for _ in records])
+    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
+    shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
+    known = cache.get("rough", shapes)
+    stiff = prepared.method == "ros2"
+    if stiff:
+        model = with_wide_damping(model)
+    if known is None:
+        x, states = _damped_fit(model, prepared, problem) if stiff else _pieces_fit(model, prepared, rough, engine)
+        cache.put("rough", x=x, states=np.array(states))
+    else:
+        x, states = known["x"], list(known["states"])
+    fit = evaluate(problem, model, x, states)
+    engine = _engine_for(engine, prepared, fit, problem)
+    disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
+    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed))
+    problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
+    known = cache.get("plain", shapes)
+    if known is None:
+        fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=30, tolerance=2e-3, renewals=8)
+        cache.put("plain", x=fit.x, states=np.array(fit.states))
+    else:
+        fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)
+    if stiff:
+        problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
+    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared)

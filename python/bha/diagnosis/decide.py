@@ -1,0 +1,168 @@
+"""The verdict: no gap, a named effect, or a gap that no known effect explains. A wrong name is worse than the third.
+
+What: the gap on held-out logs against what a right model with uncertain parameters would leave, and what the search
+found against it.
+Source: the error of a right model is sqrt(noise^2 + J Cov J^T + pressure-noise term); the last and first are in the
+whitening, the middle one is added here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnosis.fit import Fit, Problem, columns, evaluate, project_states
+from bha.diagnosis.holdout import Holdout, Prediction, excesses
+from bha.diagnosis.select import Search
+
+if TYPE_CHECKING:
+    from bha.checkup import Finding
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Thresholds of the verdict; measured on tuning seeds, see docs/diagnosis.md.
+
+    Attributes:
+        deviations: standard deviations that the mean square has to lie above its expectation.
+        model: relative uncertainty of the noise model, on the mean square.
+        material: least gap, RMS over noise, that is worth a name.
+        training: mean square of the white residual of the training logs from which there is a gap whatever the held-out
+            logs say: uncertain parameters excuse an error there, not on the logs they were fitted to.
+        closure: least share of the excess that the named effects must remove.
+        left: greatest error left over noise at which a closure below ``good_closure`` still counts as explained.
+        good_closure: closure from which on any error left is a matter of the effect's form.
+        fine: gap over noise from which the sensors are so fine that no model of this kind comes near their noise: then
+            the closure alone decides, and what is left is said.
+    """
+
+    deviations: float = 4.0
+    model: float = 0.06
+    material: float = 1.1
+    training: float = 2.0
+    closure: float = 0.7
+    left: float = 2.5
+    good_closure: float = 0.8
+    fine: float = 100.0
+
+
+@dataclass(frozen=True)
+class GapTest:
+    """Whether the plain model's error on held-out logs is more than noise.
+
+    Attributes:
+        mean_square: of the white residual.
+        expected: under a right model with parameters as uncertain as the training logs leave them.
+        limit: greatest mean square that counts as no gap.
+        ratio: RMS error over that of a right model, in m.
+        significant: whether there is a gap.
+    """
+
+    mean_square: float
+    expected: float
+    limit: float
+    ratio: float
+    significant: bool
+
+
+def gap_test(
+    problem: Problem, holdout: Holdout, fit: Fit, prediction: Prediction, ratio: float, limits: Limits
+) -> GapTest:
+    """Test the gap of the plain model ``fit`` on the held-out logs; ``ratio`` is its RMS error over the noise's."""
+    held = holdout.problem
+    assert fit.jacobian is not None
+    assert fit.state_jacobians is not None
+    weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
+    projected = project_states(problem, fit.state_jacobians, fit.jacobian)
+    covariance = np.linalg.inv(projected.T @ projected + np.diag(weights))
+    here = evaluate(held, fit.model, fit.x, prediction.states)
+    spread = columns(held, here, range(fit.model.size))
+    parameters = float(np.sum((spread @ covariance) * spread)) / held.rows
+    deviation = float(np.sqrt(2.0 / held.rows))
+    expected = 1.0 + parameters
+    limit = expected * (1.0 + limits.model) + limits.deviations * deviation
+    significant = is_significant(prediction.mean_square, limit, ratio, fit.squares / problem.rows, limits)
+    return GapTest(prediction.mean_square, expected, limit, ratio, significant)
+
+
+def is_significant(mean_square: float, limit: float, ratio: float, training: float, limits: Limits) -> bool:
+    """Whether errors are a gap: mean squares on held-out and training logs, and the RMS over the noise's."""
+    # A model that runs away at once has been compared with nothing: that is a gap, whatever is left of the error.
+    if not np.isfinite(mean_square):
+        return True
+    return ratio > limits.material and (mean_square > limit or training > limits.training)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Verdict and reason.
+
+    Attributes:
+        verdict: ``named``, ``no_gap`` or ``unknown``.
+        reason: in a sentence.
+        closure: share of the excess on held-out logs that the effects remove.
+    """
+
+    verdict: str
+    reason: str
+    closure: float
+
+
+def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict:
+    """The verdict on a finished or interrupted search; ``left`` is the best set's RMS error over the noise's."""
+    if not np.isfinite(gap.mean_square):
+        return Verdict(
+            "unknown",
+            "the re-identified plain model runs away on the held-out logs before enough of them is compared; "
+            "identify the arm first (bha identify), so that the search starts near to it",
+            0.0,
+        )
+    before, after = excesses(search.plain.prediction, search.best.prediction)
+    closure = 1.0 - after / before if before > 0.0 else 0.0
+    if not gap.significant:
+        return Verdict(
+            "no_gap",
+            f"on the held-out logs the re-identified plain model errs by {gap.ratio:.2f} times what noise alone makes; "
+            f"mean square of the white residual {gap.mean_square:.2f}, limit {gap.limit:.2f}",
+            closure,
+        )
+    if not search.best.candidates:
+        return Verdict(
+            "unknown", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
+        )
+    if closure < limits.closure:
+        return Verdict(
+            "unknown",
+            f"the best known effects ({search.best.label}) remove {100 * closure:.0f} % of the excess error on held-out"
+            " logs only",
+            closure,
+        )
+    removed = f"{100 * closure:.0f} % of the excess error on held-out logs is removed"
+    fine = gap.ratio > limits.fine
+    if closure < limits.good_closure and left > limits.left and not fine:
+        return Verdict(
+            "unknown",
+            f"the best known effects ({search.best.label}) leave an error of {left:.1f} times the noise "
+            f"({100 * closure:.0f} % of the excess removed)",
+            closure,
+        )
+    rest = f"; what is left is {left:.0f} times the noise and not explained" if fine else ""
+    return Verdict("named", removed + rest, closure)
+
+
+def without_faults(verdict: Verdict, faults: Sequence[Finding]) -> Verdict:
+    """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended."""
+    if not faults or verdict.verdict == "no_gap":
+        return verdict
+    first = faults[0]
+    cause = f" ({first.explanations[0].what})" if first.explanations else ""
+    more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+    where = f"{first.where}: " if first.kind == "wiring" and first.where != "all logs" else ""
+    text = f"logs and file do not belong together: {where}{first.what}{cause}{more}; mend that first, see bha check"
+    return Verdict("unknown", text if verdict.verdict == "named" else f"{text}; {verdict.reason}", verdict.closure)

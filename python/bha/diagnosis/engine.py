@@ -1,0 +1,150 @@
+"""Simulations, many at a time: the outputs of a log under given parameters and initial states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha import _core
+from bha.diagnosis.records import Record
+from bha.errors import BhaError
+
+Array = NDArray[np.float64]
+
+#: Numbers that one call of the core may return, so that memory stays bounded.
+CHUNK_NUMBERS = 40_000_000
+#: Shares of the step that are tried in turn where a run diverges: the step was chosen for the nominal arm, and an
+#: effect (quadratic damping, a wall) may make a stiffer one of it.
+STEP_SHARES = (1.0, 0.5, 0.25)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One simulation.
+
+    Attributes:
+        arm: the arm as the core's JSON.
+        record: the log that drives it.
+        state: lengths and rates at its first compared row, shape (6n,).
+        pressures: other pressures than the record's, Pa, or None.
+        rows: only that many of its compared rows; all if None.
+        finer: the engine's steps are divided by this.
+    """
+
+    arm: str
+    record: Record
+    state: Array
+    pressures: Array | None = None
+    rows: int | None = None
+    finer: int = 1
+
+
+class Engine:
+    """Runs jobs over threads with one fixed step; a run that diverges gives NaN from there on.
+
+    Jobs that share a log run in one call of the core, which may put them abreast. Where one of them diverges, all of
+    them are repeated with finer steps: their differences only mean something at the same step.
+    """
+
+    def __init__(
+        self,
+        step: float,
+        threads: int | None = None,
+        coarse: float | None = None,
+        tick: Callable[[int], None] | None = None,
+        method: Literal["rk4", "ros2"] = "rk4",
+        shares: Sequence[float] = STEP_SHARES,
+    ) -> None:
+        """An engine.
+
+        Args:
+            step: step of the integration, s.
+            threads: number of threads; all cores if None.
+            coarse: step where only differences between runs are wanted, s: their errors cancel to first order.
+            tick: told of the number of finished jobs.
+            method: of integration; the linearly implicit ``ros2`` for stiff arms.
+            shares: shares of the step that are tried in turn where a run diverges.
+        """
+        self.step = step
+        self.coarse = coarse or step
+        self.threads = threads or 0
+        self.method = method
+        self.shares = tuple(shares)
+        self.count = 0
+        self._tick = tick
+
+    def with_step(self, step: float, coarse: float | None = None) -> Engine:
+        """An engine like this one with other steps, s."""
+        return Engine(step, self.threads, coarse, self._tick, self.method, self.shares)
+
+    def once(self) -> Engine:
+        """An engine like this one that leaves a run that diverges as it is."""
+        return Engine(self.step, self.threads, self.coarse, self._tick, self.method, (1.0,))
+
+    def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
+        """Outputs of every job, shape (rows, channels), m."""
+        step = self.coarse if coarse else self.step
+        groups: dict[tuple[int, int, int], list[int]] = {}
+        for k, job in enumerate(jobs):
+            groups.setdefault((id(job.record), job.rows or len(job.record.rows), job.finer), []).append(k)
+        results: list[Array] = [np.empty(0)] * len(jobs)
+        for (_, rows, finer), members in groups.items():
+            size = max(1, CHUNK_NUMBERS // (rows * 6 * len(jobs[members[0]].state)))
+            for first in range(0, len(members), size):
+                part = members[first : first + size]
+                for k, y in zip(part, self._together([jobs[k] for k in part], rows, step / finer), strict=True):
+                    results[k] = y
+                self.count += len(part)
+                if self._tick is not None:
+                    self._tick(len(part))
+        return results
+
+    def _together(self, jobs: Sequence[Job], rows: int, step: float) -> list[Array]:
+        record = jobs[0].record
+        times = np.ascontiguousarray(record.output_time[:rows])
+        texts = list(dict.fromkeys(job.arm for job in jobs))
+        arms: dict[str, int] = {}
+        built: list[_core.Arm] = []
+        for text in texts:
+            try:
+                built.append(_core.Arm(text))
+            except BhaError:
+                continue  # parameters without a model: no run, NaN
+            arms[text] = len(built) - 1
+        forces = None if record.forces is None else record.forces.reshape(len(record.time), -1)
+        drives: dict[int, int] = {}
+        inputs: list[tuple[Array, Array, Array | None]] = []
+        for job in jobs:
+            if id(job.pressures) not in drives:
+                drives[id(job.pressures)] = len(inputs)
+                inputs.append((record.time, record.pressures if job.pressures is None else job.pressures, forces))
+        live = [job for job in jobs if job.arm in arms and np.all(np.isfinite(job.state))]
+        nothing = np.full((rows, len(record.channels)), np.nan)
+        if not live:
+            return [nothing] * len(jobs)
+        observation = record.observation
+        for share in self.shares:
+            lengths, _, heads, *_ = _core.simulate_batch(
+                built,
+                inputs,
+                [times],
+                [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
+                np.full(len(live), times[0]),
+                np.ascontiguousarray([job.state for job in live]),
+                method=self.method,
+                step=share * step,
+                velocities=False,
+                head_positions=observation.needs_positions,
+                measured=True,
+                threads=self.threads,
+            )
+            if np.all(np.isfinite(lengths[:, -1])):
+                break
+        positions = None if heads is None else heads.reshape(*lengths.shape[:2], -1, 3)
+        outputs = iter(np.ascontiguousarray(observation.predicted(lengths, positions)))
+        found = {id(job): y for job, y in zip(live, outputs, strict=True)}
+        return [found.get(id(job), nothing) for job in jobs]

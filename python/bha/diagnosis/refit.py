@@ -1,0 +1,189 @@
+"""Refits: candidates together with the plain parameters, by simulation, compared by an information criterion.
+
+Source: Schwarz 1978 with an effective sample size from the residual's autocorrelation (Thiebaux and Zwiers 1984):
+numbers that err together count once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnosis.catalogue import Candidate, Ranges
+from bha.diagnosis.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
+from bha.diagnosis.holdout import Holdout, Prediction
+from bha.diagnosis.steps import resolved
+from bha.errors import ConvergenceError
+
+Array = NDArray[np.float64]
+
+#: Longest lag of the autocorrelation, s.
+LAG_TIME = 2.0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A refitted model.
+
+    Attributes:
+        candidates: its effects, in the order of the model.
+        fit: the fit.
+        prediction: the held-out logs under it.
+    """
+
+    candidates: tuple[Candidate, ...]
+    fit: Fit
+    prediction: Prediction
+
+    @property
+    def key(self) -> tuple[tuple[str, str], ...]:
+        """Kinds and places."""
+        return tuple(c.key for c in self.candidates)
+
+    @property
+    def label(self) -> str:
+        """``creep at section 1 and delay at all``; several elements of an effect once."""
+        return " and ".join(f"{kind} at {where}" for kind, where in dict.fromkeys(self.key))
+
+    @property
+    def size(self) -> int:
+        """Numbers of its effects."""
+        return sum(c.plan.size for c in self.candidates)
+
+
+def correlation_length(problem: Problem, white: Array) -> float:
+    """By how much neighbouring numbers of the white residual err together: rows per independent row, at least one."""
+    total, weight = 0.0, 0.0
+    for part, whitener in zip(problem.slices(), problem.whiteners, strict=True):
+        rows = white[part].reshape(whitener.kept, -1)
+        span = float(whitener.time[-1] - whitener.time[0])
+        lags = max(2, int(LAG_TIME / span * whitener.kept))
+        for k in range(rows.shape[1]):
+            y = rows[:, k] - np.mean(rows[:, k])
+            power = float(y @ y)
+            if power <= 0.0:
+                continue
+            spectrum = np.abs(np.fft.rfft(y, 2 * len(y))) ** 2
+            correlation = np.fft.irfft(spectrum)[:lags] / power
+            # Sum up to where the correlation is lost; beyond, its noise only adds up.
+            below = np.flatnonzero(correlation < 0.05)
+            end = int(below[0]) if len(below) else lags
+            total += power * (1.0 + 2.0 * float(np.sum(correlation[1:end])))
+            weight += power
+    return max(1.0, total / weight) if weight > 0.0 else 1.0
+
+
+def criterion(squares: float, size: int, rows: int, correlation: float) -> float:
+    """Bayesian information criterion of a model with ``size`` numbers more than the plain one."""
+    effective = rows / correlation
+    return float(effective * np.log(squares / rows) + size * np.log(effective))
+
+
+def bic(trial: Trial, problem: Problem, correlation: float) -> float:
+    """The criterion of a trial; its prior counts as data."""
+    penalty = trial.fit.prior * trial.fit.trust
+    return criterion(trial.fit.squares + penalty, trial.size, problem.rows, correlation)
+
+
+def stored(problem: Problem, start: Fit, name: str) -> Fit | None:
+    """The finished fit of that name, without sensitivities, if the cache has it."""
+    found = problem.cache.get(name, {"x": start.x.shape, "states": np.shape(start.states)})
+    if found is None:
+        return None
+    fit = evaluate(problem, start.model, found["x"], list(found["states"]), start.trust)
+    return fit if np.isfinite(fit.cost) else None
+
+
+def store(problem: Problem, fit: Fit, name: str) -> None:
+    """Keep a finished fit."""
+    problem.cache.put(name, x=fit.x, states=np.array(fit.states))
+
+
+def refit(
+    problem: Problem,
+    holdout: Holdout,
+    start: Fit,
+    candidates: Sequence[Candidate],
+    strengths: Sequence[Sequence[float]],
+    ranges: Ranges,
+    *,
+    kept: int,
+    iterations: int = 8,
+    renewals: int = 1,
+) -> Trial | None:
+    """Refit with the effects ``candidates``, the first ``kept`` of which are already in ``start``; None if it diverges.
+
+    Args:
+        problem: training logs.
+        holdout: held-out logs.
+        start: where to start, with sensitivities.
+        candidates: all effects of the new model.
+        strengths: expected strengths of the effects that are new.
+        ranges: ranges of the numbers.
+        kept: number of effects that ``start`` already has.
+        iterations: most steps.
+        renewals: how often all sensitivities are renewed.
+    """
+    made = [c.term(s, ranges) for c, s in zip(candidates[kept:], strengths, strict=True)]
+    model = start.model.with_effects([*start.model.effects[:kept], *(term for term, _ in made)])
+    old = start.model.with_effects(start.model.effects[:kept]).size
+    x = np.concatenate([start.x[:old], *(np.array(begin, dtype=np.float64) for _, begin in made)])
+    # Strengths start at zero: the step has to do for those that are expected.
+    expected = np.where((x == 0.0) & (np.arange(len(x)) >= old), 1.0, x)
+    model = resolved(problem.engine, problem.records, model, expected, start.states, problem.misfit(start))
+    fit = evaluate(problem, model, x, start.states, start.trust)
+    if not np.isfinite(fit.cost):
+        return None
+    name = f"refit {[(c.key, sorted(c.shape.items())) for c in candidates]} {kept} {renewals}"
+    known = stored(problem, fit, name)
+    fit = known or fit
+    new = list(range(old, model.size))
+    assert start.jacobian is not None
+    jacobian = np.concatenate([start.jacobian[:, :old], columns(problem, fit, new)], axis=1)
+    fit = weighted(replace(fit, jacobian=jacobian, state_jacobians=start.state_jacobians), problem.rows)
+    effect_coordinates = list(range(len(model.plain), model.size))
+    if not known:
+        try:
+            fit = improve(
+                problem,
+                fit,
+                iterations=iterations,
+                renew=effect_coordinates,
+                renewals=renewals,
+                tolerance=2e-3,
+                limit=2.0,
+            )
+        except ConvergenceError:
+            return None
+        fit = restarted(problem, fit)
+        store(problem, fit, name)
+    return Trial(tuple(candidates), fit, holdout.predict(model, fit.x))
+
+
+def drop(start: Fit, index: int) -> Fit:
+    """``start`` without its effect ``index``: not fitted again, and without outputs of its own."""
+    model = start.model.with_effects([e for k, e in enumerate(start.model.effects) if k != index])
+    gone = start.model.place(index)
+    keep = [k for k in range(start.model.size) if not gone.start <= k < gone.stop]
+    jacobian = None if start.jacobian is None else start.jacobian[:, keep]
+    return replace(start, model=model, x=start.x[keep], jacobian=jacobian)
+
+
+def without(problem: Problem, holdout: Holdout, trial: Trial, index: int, *, iterations: int = 6) -> Trial | None:
+    """The trial refitted without its effect ``index``; None if that diverges."""
+    smaller = drop(trial.fit, index)
+    fit = evaluate(problem, smaller.model, smaller.x, smaller.states, smaller.trust)
+    if not np.isfinite(fit.cost):
+        return None
+    fit = replace(fit, jacobian=smaller.jacobian, state_jacobians=smaller.state_jacobians)
+    renew = list(range(len(fit.model.plain), fit.model.size))
+    try:
+        fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=2, tolerance=2e-3, limit=2.0)
+    except ConvergenceError:
+        return None
+    fit = restarted(problem, fit)
+    rest = tuple(c for k, c in enumerate(trial.candidates) if k != index)
+    return Trial(rest, fit, holdout.predict(fit.model, fit.x))

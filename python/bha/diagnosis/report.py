@@ -1,0 +1,229 @@
+"""``report.html``: one file that works offline. Every string that comes from a file is escaped."""
+
+from __future__ import annotations
+
+import os
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from bha.diagnosis import figures
+from bha.support.extras import import_extra
+from bha.support.files import written_whole
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.diagnosis.result import Diagnosis
+    from bha.diagnosis.workflow import Outcome
+
+VERDICTS = {
+    "named": "A missing effect is named",
+    "no_gap": "No significant gap",
+    "unknown": "A gap that no known effect explains",
+}
+
+STYLE = """
+:root { color-scheme: light; --line: #ddd; --soft: #555; }
+* { box-sizing: border-box; }
+body {
+  font: 16px/1.5 system-ui, sans-serif; margin: 0 auto; max-width: 1120px; padding: 1rem; color: #222; background: #fff;
+}
+h1 { font-size: 1.5rem; margin: 0.2rem 0; }
+h2 { font-size: 1.15rem; margin: 1.6rem 0 0.4rem; border-top: 1px solid var(--line); padding-top: 0.8rem; }
+.verdict { border-left: 6px solid var(--mark); padding: 0.4rem 0.9rem; background: #fafafa; }
+.named { --mark: #0072b2; } .no_gap { --mark: #009e73; } .unknown { --mark: #d55e00; }
+.soft { color: var(--soft); } .scroll { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 0.92rem; }
+th, td {
+  text-align: left; padding: 0.25rem 0.7rem 0.25rem 0; border-bottom: 1px solid var(--line); vertical-align: top;
+}
+.grid { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0.8rem; }
+.figure { min-width: 0; width: 100%; overflow: hidden; }
+@media (max-width: 720px) { .grid { grid-template-columns: minmax(0, 1fr); } body { padding: 0.6rem; } }
+"""
+
+
+def write_report(outcome: Outcome, arm: Arm, path: str | os.PathLike[str]) -> None:
+    """Write the report, whole or not at all.
+
+    Raises:
+        InputError: the folder does not exist.
+        MissingExtraError: Plotly is not installed.
+    """
+    text = report_html(outcome, arm.name)
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def report_html(outcome: Outcome, arm_name: str) -> str:
+    """The text of the report."""
+    offline = import_extra("plotly.offline", extra="report", purpose="The report of a diagnosis")
+    found = outcome.diagnosis
+    parts: list[str] = [_head(found, arm_name)]
+    figure = _Figures(parts)
+    figure.add(figures.gap_figure(found))
+    if found.effects:
+        parts.append("<h2>What</h2>")
+        parts += [_effect(e) for e in found.effects]
+    else:
+        parts.append("<h2>What</h2><p>No effect is named.</p>")
+    parts.append("<p>What each candidate alone promises; green: refitted, with the error on held-out logs.</p>")
+    figure.add(figures.candidates_figure(found))
+    parts.append("<h2>The arm, measured against simulated</h2>")
+    figure.add(figures.arm_figure(outcome))
+    figure.add(figures.trace_figure(outcome))
+    figure.add(figures.error_figure(outcome))
+    parts.append("<h2>Where the plain model errs</h2><div class='grid'>")
+    where = found.where
+    figure.add(figures.bars_figure(where["channel"], "name", "channel"))
+    if where["mode"]:
+        figure.add(figures.bars_figure(where["mode"], "name", "mode (u, v: bends, l: mean length)"))
+    figure.add(figures.band_figure(where["band"]))
+    figure.add(figures.time_figure(where["time"]))
+    parts.append("</div><h3>By region (chance of such a spread in p)</h3>")
+    figure.add(figures.region_figure(where["region"]))
+    parts.append(_residual(found))
+    parts.append(_excitation(found))
+    parts.append(_tables(found))
+    title = escape(f"Diagnosis of {arm_name}")
+    return (
+        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        f"<title>{title}</title><style>{STYLE}</style><script>{offline.get_plotlyjs()}</script></head><body>"
+        + "\n".join(parts)
+        + f"<script>{figure.script()}</script></body></html>\n"
+    )
+
+
+class _Figures:
+    """Collects figures: a place each in the page, and one script that draws them all."""
+
+    def __init__(self, parts: list[str]) -> None:
+        self._parts = parts
+        self._json: list[str] = []
+
+    def add(self, figure: Any) -> None:
+        self._parts.append(f"<div class='figure' id='figure{len(self._json)}'></div>")
+        # A script ends at the first "</", wherever it stands; "<!--" begins a comment in it.
+        self._json.append(figure.to_json().replace("<", "\\u003c"))
+
+    def script(self) -> str:
+        drawn = ",".join(self._json)
+        draw = (
+            "figures.forEach((f,i)=>{const d=document.getElementById('figure'+i);"
+            "const layout={...f.layout,width:d.clientWidth};const config={displayModeBar:false};"
+            "Plotly.newPlot(d,{data:f.data,layout,frames:f.frames||[],config});"
+            "new ResizeObserver(()=>Plotly.relayout(d,{width:d.clientWidth})).observe(d);});"
+        )
+        return f"const figures=[{drawn}];{draw}"
+
+
+def _head(found: Diagnosis, arm_name: str) -> str:
+    gap = found.gap
+    incomplete = "" if found.complete else "<p><b>Interrupted: the search is not complete.</b></p>"
+    return (
+        f"<p class='soft'>Diagnosis of {escape(arm_name)}</p><div class='verdict {escape(found.verdict)}'>"
+        f"<h1>{escape(VERDICTS[found.verdict])}"
+        + (": " + escape(", ".join(f"{e.kind} at {e.where}" for e in found.effects)) if found.effects else "")
+        + f"</h1><p>{escape(found.reason)}.</p>{incomplete}</div>"
+        f"<p>Open-loop error on {escape(', '.join(gap.holdout))}, which took no part in any fit: "
+        f"<b>{1e3 * gap.before:.3g} mm</b> with the re-identified plain model, "
+        f"<b>{1e3 * gap.after:.3g} mm</b> with the named effects, noise floor {1e3 * gap.noise:.3g} mm.</p>"
+    )
+
+
+def _interval(number: Any) -> str:
+    return "" if number.ci95 is None else f"{number.ci95[0]:.4g} to {number.ci95[1]:.4g}"
+
+
+def _effect(effect: Any) -> str:
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{n.value:.4g} {escape(n.unit)}</td>"
+        f"<td>{_interval(n)}{' (on a bound)' if n.at_bound else ''}</td></tr>"
+        for name, n in effect.parameters.items()
+    )
+    notes = [f"confidence {effect.confidence:.2f}"]
+    if effect.empirical:
+        notes.append("an empirical term: it helps to predict, but breaks a physical rule")
+    if effect.confusable_with:
+        notes.append("these data cannot tell it from " + escape(", ".join(effect.confusable_with[:6])))
+    if effect.experiment:
+        notes.append("what would: " + escape(effect.experiment))
+    return (
+        f"<h3>{escape(effect.kind)} at {escape(effect.where)}</h3><p>{'; '.join(notes)}.</p>"
+        f"<div class='scroll'><table><tr><th>number</th><th>value</th><th>95 % interval</th></tr>{rows}</table></div>"
+    )
+
+
+def _residual(found: Diagnosis) -> str:
+    rest = found.residual
+    text = "<h2>What is left</h2>"
+    if rest.get("mean_square") is not None:
+        text += (
+            f"<p>Mean square of the white residual on held-out logs: {rest['mean_square']:.3g} (1 is noise), "
+            f"neighbouring rows that err together: {rest['correlation_rows']:.3g} (1 is white).</p>"
+        )
+    if rest.get("line"):
+        text += f"<p>A line stands out at {rest['line']['frequency']:.2f} Hz.</p>"
+    rows = "".join(
+        f"<tr><td>{escape(f['output'])}</td><td>{escape(f['with'])}</td><td>{f['correlation']:+.2f}</td>"
+        f"<td>{f['p_value']:.2g}</td></tr>"
+        for f in rest.get("follows", [])[:6]
+    )
+    if rows:
+        text += (
+            "<div class='scroll'><table><tr><th>residual of</th><th>follows</th><th>rank correlation</th>"
+            f"<th>p</th></tr>{rows}</table></div>"
+        )
+    notes = "".join(f"<li>{escape(n)}</li>" for n in rest.get("notes", []))
+    return text + (f"<p>Steps of the search:</p><ul>{notes}</ul>" if notes else "")
+
+
+def _excitation(found: Diagnosis) -> str:
+    told = found.excitation
+    text = "<h2>What these logs can tell</h2>"
+    weak = "".join(
+        f"<tr><td>{escape(w['kind'])}</td><td>{100 * w['detectable_over_typical']:.3g} %</td></tr>"
+        for w in told["least_visible"]
+    )
+    text += (
+        "<div class='scroll'><table><tr><th>least visible</th><th>detectable size over a typical one</th></tr>"
+        f"{weak}</table></div>"
+    )
+    groups = "".join(
+        f"<li>{escape(', '.join(g[:12]))}{' ...' if len(g) > 12 else ''}</li>" for g in told["classes"][:10]
+    )
+    if groups:
+        text += f"<p>Look-alikes in these logs:</p><ul>{groups}</ul>"
+    if told["next_experiment"]:
+        text += f"<p>Best next experiment: {escape(told['next_experiment'])}.</p>"
+    return text
+
+
+def _tables(found: Diagnosis) -> str:
+    plain = "".join(
+        f"<tr><td>{escape(name)}</td><td>{n.value:.5g} {escape(n.unit)}</td><td>{_interval(n)}</td></tr>"
+        for name, n in found.plain.items()
+    )
+    logs = "".join(
+        f"<tr><td>{escape(log['name'])}</td><td>{escape(log['part'])}</td><td>{log['rows']}</td>"
+        f"<td>{log['duration']:.4g} s</td><td>{escape(_flaws(log))}</td></tr>"
+        for log in found.logs
+    )
+    return (
+        "<h2>Logs</h2><div class='scroll'><table><tr><th>log</th><th>part</th><th>rows</th><th>duration</th>"
+        f"<th>noise and flaws</th></tr>{logs}</table></div>"
+        "<h2>Re-identified plain parameters</h2><div class='scroll'><table><tr><th>parameter</th><th>value</th>"
+        f"<th>95 % interval</th></tr>{plain}</table></div>"
+    )
+
+
+def _flaws(log: dict[str, Any]) -> str:
+    by_unit: dict[str, list[float]] = {}
+    flaws = []
+    for channel in log["channels"]:
+        by_unit.setdefault(channel["unit"], []).append(channel["noise"])
+        if channel["held"] > 0.2:
+            flaws.append(f"{channel['name']} holds {100 * channel['held']:.0f} % of its samples")
+        flaws += [f"{channel['name']} frozen {a:.4g} to {b:.4g} s" for a, b in channel["frozen"]]
+    noise = [f"noise {min(v):.3g} to {max(v):.3g} {unit}" for unit, v in by_unit.items()]
+    return "; ".join(noise + flaws[:6])

@@ -1,0 +1,207 @@
+"""``diagnosis.json``: what a diagnosis found, for machines. The schema is strict: what is written can be read back."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from bha.errors import InputError
+from bha.support.files import written_whole
+
+Verdict = Literal["named", "no_gap", "unknown"]
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"found {value}; allowed: a finite number")
+    return value
+
+
+Finite = Annotated[float, AfterValidator(_finite)]
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Number(Table):
+    """A number of an effect: value, unit, 95 % interval, and whether it sits on a bound of what is allowed."""
+
+    value: Finite
+    unit: str
+    ci95: tuple[Finite, Finite] | None = None
+    at_bound: bool = False
+
+
+class Correction(Table):
+    """An effect of the same kind within the place of a named one or around it: it corrects that one's form.
+
+    Attributes:
+        where: as in a parameter file.
+        parameters: its numbers.
+    """
+
+    where: str
+    parameters: dict[str, Number]
+
+
+class Effect(Table):
+    """A named effect.
+
+    Attributes:
+        kind: as in a parameter file.
+        where: as in a parameter file.
+        parameters: its numbers; of several elements together, see ``elements``.
+        elements: where several branches or stages of the kind were found in its place (creep, hysteresis, lag), the
+            numbers of each; ``parameters`` then has the sums of those that add up (stiffnesses, amplitudes, time
+            constants in series) and otherwise those of the first. Empty for a single one.
+        confidence: share of block-bootstrap repeats that choose it among its rivals.
+        confusable_with: kinds and places that these data cannot tell from it (``kind at place``).
+        empirical: it helps to predict, but breaks a physical rule (creates energy, sits on a bound): a term, not a
+            cause.
+        experiment: what would tell it from those it is confused with, empty where nothing has to.
+        gap_removed: share of the excess error on the held-out logs that it removes, beside the other effects named.
+        corrections: more of the same kind at nested places. Real effects have other forms than the catalogue's and
+            differ between the bellows of an arm; such terms are no causes of their own.
+    """
+
+    kind: str
+    where: str
+    parameters: dict[str, Number]
+    elements: list[dict[str, Number]] = []
+    confidence: Finite = Field(ge=0.0, le=1.0)
+    confusable_with: list[str] = []
+    empirical: bool = False
+    experiment: str = ""
+    gap_removed: Finite = 0.0
+    corrections: list[Correction] = []
+
+
+class Gap(Table):
+    """Open-loop error on the held-out logs: of a right model, of the re-identified plain one, with the effects."""
+
+    metric: Literal["rms"] = "rms"
+    unit: Literal["m"] = "m"
+    noise: Finite
+    before: Finite
+    after: Finite
+    holdout: list[str]
+    significant: bool
+    excess: Finite = 0.0
+    excess_limit: Finite = 0.0
+
+
+class CandidateLine(Table):
+    """A candidate: its score in the screening and, where it was refitted, what that gave.
+
+    Attributes:
+        kind: as in a parameter file.
+        where: as in a parameter file.
+        score: drop of the sum of squares of the white residual that it promises, over that sum.
+        holdout: RMS error on the held-out logs after a refit, m; None where it was not refitted.
+        bic: difference of the Bayesian information criterion to the plain model after a refit (negative is better).
+        distance: difference to the best candidate's.
+        detectable: least strength that these logs would show at three standard deviations, in the unit of its first
+            number.
+        unit: unit of ``detectable``.
+    """
+
+    kind: str
+    where: str
+    score: Finite
+    holdout: Finite | None = None
+    bic: Finite | None = None
+    distance: Finite | None = None
+    detectable: Finite | None = None
+    unit: str = ""
+
+
+class Diagnosis(Table):
+    """Everything a diagnosis found.
+
+    Attributes:
+        verdict: ``named``, ``no_gap`` or ``unknown``.
+        effects: the named effects, the strongest first; empty unless ``named``.
+        gap: open-loop error on held-out logs.
+        where: where the error of the plain model sits: by channel, section, mode, band, time and region.
+        candidates: all candidates, the most promising first.
+        residual: what is left after the last model: whiteness, what it correlates with.
+        excitation: what these logs can tell at all: classes of look-alikes, weak spots, the best next experiment.
+        plain: re-identified plain parameters.
+        logs: training logs, with noise and flaws of every channel.
+        reason: why the verdict is what it is, in a sentence.
+        complete: whether the search came to its end; false after Ctrl-C.
+        seconds: time it took, s.
+        schema_name: version of this schema.
+    """
+
+    schema_name: Literal["bha-diagnosis/1"] = Field("bha-diagnosis/1", alias="schema")
+    verdict: Verdict
+    reason: str
+    effects: list[Effect]
+    gap: Gap
+    where: dict[str, Any]
+    candidates: list[CandidateLine]
+    residual: dict[str, Any]
+    excitation: dict[str, Any]
+    plain: dict[str, Number]
+    logs: list[dict[str, Any]]
+    complete: bool = True
+    seconds: Finite = 0.0
+
+    def __repr__(self) -> str:
+        """Verdict and open-loop errors in a line."""
+        named = ", ".join(f"{effect.kind} at {effect.where}" for effect in self.effects)
+        errors = f"{1e3 * self.gap.before:.3g} mm before, {1e3 * self.gap.after:.3g} mm after"
+        end = "" if self.complete else ", interrupted"
+        verdict = f"{self.verdict}: {named}" if named else self.verdict
+        return f"Diagnosis({verdict}; {errors}, noise {1e3 * self.gap.noise:.3g} mm{end})"
+
+    def __str__(self) -> str:
+        """The same line."""
+        return repr(self)
+
+    def to_json(self) -> str:
+        """The text of ``diagnosis.json``."""
+        return json.dumps(self.model_dump(mode="json", by_alias=True), indent=1, allow_nan=False) + "\n"
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write ``diagnosis.json``, whole or not at all.
+
+        Raises:
+            InputError: the folder does not exist.
+        """
+        with written_whole(path) as temporary:
+            temporary.write_text(self.to_json(), encoding="utf-8", newline="\n")
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Diagnosis:
+        """Read a ``diagnosis.json``.
+
+        Raises:
+            InputError: the file is missing or not of this schema.
+        """
+        try:
+            return cls.model_validate_json(Path(path).read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: not a diagnosis: {error}") from error
+
+
+def plain(value: Any) -> Any:
+    """NumPy values as numbers and lists; what is not finite as None."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,285 @@
+"""Screening: which effect, in which place, would explain what the plain model leaves, without refitting any.
+
+What: the signature of every candidate, the change of the outputs per unit of strength, by one simulation at small
+strength; projected on the complement of what plain parameters and initial states can do; its Rao score against the
+residual.
+Source: Rao 1948 (score test); Davies 1987 for the shapes, numbers that do not exist without the effect: the maximum
+over their grid counts.
+Convention: a score is the drop of the sum of squares of the white residual that the candidate alone, linearly, would
+bring.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha import _core, names
+from bha.diagnosis.cache import Cache
+from bha.diagnosis.catalogue import Candidate, KindPlan, members, places
+from bha.diagnosis.engine import Job
+from bha.diagnosis.fit import Fit, Problem, project_states
+from bha.diagnosis.model import Core, with_effect_tables
+from bha.diagnosis.shortcuts import ON_LENGTHS, ON_PRESSURES, PressureProbe, acting_pressures, length_change
+
+Array = NDArray[np.float64]
+
+#: Probes that are simulated in one go.
+BATCH = 96
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Signatures of all candidates.
+
+    Attributes:
+        candidates: what was probed or summed up.
+        columns: for each candidate the columns of ``table`` that it sums, per strength.
+        table: white signatures of the probes, shape (rows, probes), single precision: some hundred of them.
+    """
+
+    candidates: tuple[Candidate, ...]
+    columns: tuple[tuple[tuple[int, ...], ...], ...]
+    table: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A candidate with its score.
+
+    Attributes:
+        candidate: kind, place and shapes.
+        score: drop of the sum of squares that it would bring.
+        strengths: strengths that would bring it.
+        share: score over the sum of squares that is left.
+        deviation: standard deviation of the first strength under the noise alone.
+    """
+
+    candidate: Candidate
+    score: float
+    strengths: tuple[float, ...]
+    share: float
+    deviation: float
+
+
+class Complement:
+    """Projection on what neither the model's coordinates nor the initial states can do, priors included."""
+
+    def __init__(self, problem: Problem, fit: Fit) -> None:
+        """Factorise once for the sensitivities of ``fit``."""
+        assert fit.jacobian is not None
+        assert fit.state_jacobians is not None
+        self._problem, self._states = problem, fit.state_jacobians
+        self._jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
+        weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
+        normal = self._jacobian.T @ self._jacobian
+        scale = 1e-10 * np.trace(normal) / max(len(normal), 1)
+        self._normal = normal + np.diag(weights + scale)
+
+    def __call__(self, table: NDArray[np.floating[Any]]) -> Array:
+        """The projection of ``table`` (rows, k)."""
+        left = project_states(self._problem, self._states, np.asarray(table, dtype=np.float64))
+        if self._jacobian.shape[1]:
+            left -= self._jacobian @ np.linalg.solve(self._normal, self._jacobian.T @ left)
+        return left
+
+
+def probe(
+    problem: Problem, fit: Fit, plans: Sequence[KindPlan], tell: Callable[[float], None], cache: Cache
+) -> Signatures:
+    """Signatures of all candidates around ``fit``."""
+    core = fit.model.description(fit.x)
+    probes: dict[tuple[str, str, tuple[tuple[str, float], ...], int], int] = {}
+    changes: list[tuple[dict[str, Any], float]] = []
+    candidates: list[Candidate] = []
+    columns: list[tuple[tuple[int, ...], ...]] = []
+    for plan in plans:
+        for where in places(plan, core):
+            for shape in shapes_at(plan, where, fit, problem):
+                per_strength = []
+                for number, (numbers, size) in enumerate(plan.probed(shape)):
+                    index = []
+                    for part in members(where, plan.parts, core) if plan.parts else [where]:
+                        key = (plan.kind, part, tuple(sorted(shape.items())), number)
+                        if key not in probes:
+                            probes[key] = len(changes)
+                            changes.append(({"kind": plan.kind, "where": part, "parameters": numbers}, size))
+                        index.append(probes[key])
+                    per_strength.append(tuple(index))
+                candidates.append(Candidate(plan, where, shape))
+                columns.append(tuple(per_strength))
+    known = cache.get("signatures", {"table": (problem.rows, len(changes))})
+    if known is not None:
+        return Signatures(tuple(candidates), tuple(columns), np.asarray(known["table"], dtype=np.float32))
+    table = np.zeros((problem.rows, len(changes)), dtype=np.float32)
+    text = json.dumps(core)
+    plain = problem.jobs(fit.model, text, fit.states)
+    count = len(plain)
+    # A plain model that makes up for a lag is damped more than the file's, too stiff for a long step.
+    coarse = all(np.all(np.isfinite(y)) for y in problem.engine.run(plain, coarse=True))
+    for first in range(0, len(changes), BATCH):
+        tell(first / len(changes))
+        batch = changes[first : first + BATCH]
+        run = [k for k, (effect, _) in enumerate(batch) if effect["kind"] not in ON_LENGTHS]
+        outputs = problem.engine.run([*plain, *_jobs(problem, fit, core, [batch[k][0] for k in run])], coarse=coarse)
+        base, outputs = outputs[:count], outputs[count:]
+        for k, (effect, size) in enumerate(batch):
+            if k in run:
+                at = run.index(k) * count
+                change = [(a - b) / size for a, b in zip(outputs[at : at + count], base, strict=True)]
+            else:
+                channel = "q" + str(effect["where"]).removeprefix("bellows ")
+                change = [
+                    length_change(str(effect["kind"]), channel, r, y)
+                    for r, y in zip(problem.records, base, strict=True)
+                ]
+            # A probe that diverges has no signature: it scores nothing.
+            table[:, first + k] = np.nan_to_num(problem.white(change), nan=0.0, posinf=0.0, neginf=0.0)
+    cache.put("signatures", table=table)
+    return Signatures(tuple(candidates), tuple(columns), table)
+
+
+def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, Any]]) -> list[Job]:
+    """Runs of the probes on every log, probe by probe; pressures that act are computed beforehand."""
+    plain = json.dumps(core)
+    place = {f"input {name}": j for j, name in enumerate(core["inputs"])}
+    pressures = [
+        PressureProbe(e["kind"], tuple(place[m] for m in members(e["where"], "input", core)), e["parameters"])
+        for e in effects
+        if e["kind"] in ON_PRESSURES
+    ]
+    acting = [iter(acting_pressures(r, pressures, float(core["ambient_pressure"]))) for r in problem.records]
+    jobs = []
+    for effect in effects:
+        if effect["kind"] in ON_PRESSURES:
+            jobs += [Job(plain, r, s, next(p)) for r, s, p in zip(problem.records, fit.states, acting, strict=True)]
+        else:
+            text = json.dumps(with_effect_tables(core, [effect]))
+            jobs += problem.jobs(fit.model, text, fit.states)
+    return jobs
+
+
+def shapes_at(plan: KindPlan, where: str, fit: Fit, problem: Problem) -> list[dict[str, float]]:
+    """The grid of the shapes; walls stand where the head comes: ``distance`` is a share of its reach that way."""
+    grid = plan.shape_grid()
+    if plan.kind != "contact":
+        return grid
+    section = int(where.split()[1]) - 1
+    heads = head_path(fit, problem, section)
+    result = []
+    for shape in grid:
+        reach = heads[:, 0] * np.cos(shape["angle"]) + heads[:, 1] * np.sin(shape["angle"])
+        result.append({**shape, "distance": float(np.quantile(reach, shape["distance"]))})
+    return result
+
+
+def head_path(fit: Fit, problem: Problem, section: int) -> Array:
+    """Positions of a head under the fit, every tenth row, shape (rows, 3)."""
+    arm = _core.Arm(fit.model.arm(fit.x))
+    names_of_heads = names.position_names(section + 1)
+    parts = []
+    for record, outputs in zip(problem.records, fit.outputs, strict=True):
+        if all(name in record.channels for name in names_of_heads):
+            parts.append(outputs[::10][:, [record.channels.index(name) for name in names_of_heads]])
+        else:
+            # All lengths are among the outputs where heads are not.
+            table = outputs[::10][:, : len(record.observation.rows)] - record.observation.offsets
+            lengths = np.linalg.lstsq(record.observation.rows, table.T, rcond=None)[0].T
+            parts.append(np.array([arm.forward_kinematics(q)[0][section] for q in lengths]))
+    return np.concatenate(parts)
+
+
+@dataclass(frozen=True)
+class Screening:
+    """Result of a screening.
+
+    Attributes:
+        ranking: all candidates by score, the best first.
+        gram: inner products of the projected probes, shape (probes, probes).
+        inner: inner products of the projected probes with the residual.
+    """
+
+    ranking: tuple[Scored, ...]
+    gram: Array
+    inner: Array
+
+
+def score(problem: Problem, fit: Fit, signatures: Signatures) -> Screening:
+    """Score all candidates against the residual of ``fit``, which has its sensitivities."""
+    complement = Complement(problem, fit)
+    rest = complement(fit.residual[:, None])[:, 0]
+    total = float(rest @ rest)
+    projected = np.empty_like(signatures.table)
+    for first in range(0, projected.shape[1], 32):
+        projected[:, first : first + 32] = complement(signatures.table[:, first : first + 32])
+    gram = (projected.T @ projected).astype(np.float64)
+    inner = (projected.T @ rest.astype(np.float32)).astype(np.float64)
+    raw = np.einsum("ij,ij->j", signatures.table, signatures.table, dtype=np.float64)
+    found = []
+    for candidate, columns in zip(signatures.candidates, signatures.columns, strict=True):
+        k = len(columns)
+        normal, right, size = np.zeros((k, k)), np.zeros(k), np.zeros(k)
+        for a in range(k):
+            right[a] = inner[list(columns[a])].sum()
+            size[a] = raw[list(columns[a])].sum()
+            for b in range(k):
+                normal[a, b] = gram[np.ix_(columns[a], columns[b])].sum()
+        value, strengths, deviation = _best(candidate, normal, right, size)
+        found.append(Scored(candidate, value, strengths, value / max(total, 1e-300), deviation))
+    return Screening(tuple(sorted(found, key=lambda s: -s.score)), gram, inner)
+
+
+def likenesses(screening: Screening, signatures: Signatures, which: Sequence[int]) -> Array:
+    """Greatest canonical correlations of the projected signatures of the candidates ``which``, shape (m, m).
+
+    One means that the data cannot tell two candidates apart; a candidate without a signature is like none.
+    """
+    directions: list[Array] = []
+    owner: list[int] = []
+    for place, index in enumerate(which):
+        columns = signatures.columns[index]
+        sums = np.zeros((screening.gram.shape[0], len(columns)))
+        for k, parts in enumerate(columns):
+            sums[list(parts), k] = 1.0
+        values, vectors = np.linalg.eigh(sums.T @ screening.gram @ sums)
+        alive = (values > 1e-8 * max(float(values[-1]), 1e-300)) & (values > 0.0)
+        directions.append(sums @ (vectors[:, alive] / np.sqrt(values[alive])))
+        owner += [place] * int(np.count_nonzero(alive))
+    basis = np.concatenate(directions, axis=1)
+    cosines = basis.T @ screening.gram @ basis
+    result = np.eye(len(which))
+    members_of = [np.flatnonzero(np.array(owner) == place) for place in range(len(which))]
+    for a, first in enumerate(members_of):
+        for b, second in enumerate(members_of[:a]):
+            if len(first) and len(second):
+                block = cosines[np.ix_(first, second)]
+                value = abs(block[0, 0]) if block.size == 1 else np.linalg.svd(block, compute_uv=False)[0]
+                result[a, b] = result[b, a] = min(1.0, float(value))
+    return result
+
+
+def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tuple[float, tuple[float, ...], float]:
+    """Score and strengths of one candidate; directions that the plain parameters can do count for nothing."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    alive = values > 1e-6
+    if not np.any(alive) or np.all(np.diag(normal) < 1e-7 * size):
+        return 0.0, tuple(0.0 for _ in right), np.inf
+    parts = vectors[:, alive]
+    strengths = (parts @ ((parts.T @ (right / scale)) / values[alive])) / scale
+    plan = candidate.plan
+    deviation = float(1.0 / scale[0])
+    if len(right) == 1 and not plan.strengths and plan.begin is None:
+        # The probe is the whole effect: it counts with about its own strength.
+        strength = min(max(float(right[0] / normal[0, 0]), 0.5), 2.0)
+        value = 2.0 * strength * float(right[0]) - strength**2 * float(normal[0, 0])
+        return max(0.0, value), (strength,), deviation
+    signed = plan.strengths[0].signed if plan.strengths else False
+    if len(right) == 1 and not signed and strengths[0] < 0.0:
+        return 0.0, (0.0,), deviation
+    return float(right @ strengths), tuple(float(s) for s in strengths), deviation

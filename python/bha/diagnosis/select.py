@@ -1,0 +1,442 @@
+"""Which effects: forward by training score, swaps among look-alikes, backward by prediction of held-out blocks.
+
+What: the search over sets of effects. A held-out gate at each forward step would refuse a true first effect while
+others are still missing, so the gates come last.
+Source: rules as measured on simulated arms (docs/diagnosis.md); Wilcoxon 1945, Schwarz 1978.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnosis.catalogue import Candidate, Ranges, members
+from bha.diagnosis.fit import Fit, Problem, evaluate, improve, with_sensitivities
+from bha.diagnosis.holdout import Holdout, better, excesses
+from bha.diagnosis.refit import Trial, bic, correlation_length, refit, store, stored, without
+from bha.diagnosis.screen import Scored, Screening, Signatures, score
+from bha.diagnosis.steps import resolved
+
+Array = NDArray[np.float64]
+Say = Callable[[str], None]
+
+#: Mean square of the white residual below which what is left is noise.
+NOISE_LEFT = 1.02
+#: Kinds of one form that begin where the other's range of lengths ends.
+KIN = {"hysteresis": "friction", "friction": "hysteresis"}
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Thresholds of the search; measured on tuning seeds, see docs/diagnosis.md.
+
+    Attributes:
+        most: most effects.
+        tried: candidates that are refitted in the first round, and in later ones.
+        per_kind: candidates of one kind among them.
+        forward: drop of the criterion that lets an effect in.
+        swap: drop of the criterion that swaps an effect for a look-alike.
+        backward: drop of the criterion that keeps it.
+        rank: greatest p-value of the paired rank test on held-out blocks that keeps it.
+        share: least share of the excess error on held-out blocks that it has to remove.
+        worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        rest: least share of what the effects so far leave of that excess; reaching this one is enough, too: beside a
+            strong effect a weaker one counts that explains much of what the strong one does not.
+        near: a candidate is refitted if it promises at least this share of what the best one does.
+        like: the same for a look-alike against what it would replace.
+        bound: a candidate on a bound gives way to one that is not and brings at least this share of its gain.
+        element: least share of what is left of the training error that a further branch or stage has to remove.
+        refined: a runner-up is refined too if it brings at least this share of what the first one brings.
+        narrow: share of its gain by which a narrower place has to be better, where the cost has several valleys.
+    """
+
+    most: int = 4
+    tried: tuple[int, int] = (4, 3)
+    per_kind: int = 2
+    forward: float = 10.0
+    swap: float = 4.0
+    backward: float = 10.0
+    rank: float = 0.02
+    share: float = 0.025
+    worth: float = 0.02
+    rest: float = 0.3
+    near: float = 0.25
+    like: float = 0.6
+    bound: float = 0.8
+    element: float = 0.1
+    refined: float = 0.7
+    narrow: float = 0.2
+
+
+@dataclass
+class Search:
+    """What the search has found so far; filled as it goes on, so that an interrupted one leaves it.
+
+    Attributes:
+        plain: the plain model.
+        best: the best set so far.
+        rules: its thresholds.
+        screening: the screening of the plain residual.
+        trials: all refitted sets.
+        rivals: for every round its trials with one more effect than before, best first.
+        notes: what was decided and why.
+        shares: of each effect of the best set the share of the excess on held-out logs that comes back without it.
+        chosen: the best set before further elements of its effects were sought: what rivals are compared with.
+        complete: whether the search came to its end.
+    """
+
+    plain: Trial
+    best: Trial
+    rules: Rules = field(default_factory=Rules)
+    screening: Screening | None = None
+    trials: list[Trial] = field(default_factory=list)
+    rivals: list[list[Trial]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    shares: dict[tuple[str, str], float] = field(default_factory=dict)
+    chosen: Trial | None = None
+    complete: bool = False
+
+
+def promising(
+    ranking: Sequence[Scored], taken: Sequence[tuple[str, str]], count: int, per_kind: int, effective: float
+) -> list[Scored]:
+    """The best candidates by penalised score: one shape a place, few places a kind."""
+
+    def value(scored: Scored) -> float:
+        return -effective * float(np.log(max(1e-9, 1.0 - scored.share))) - scored.candidate.plan.size * float(
+            np.log(effective)
+        )
+
+    chosen: list[Scored] = []
+    kinds: dict[str, int] = {}
+    for scored in sorted(ranking, key=value, reverse=True):
+        key = scored.candidate.key
+        if key in taken or any(key == c.candidate.key for c in chosen) or value(scored) <= 0.0:
+            continue
+        if kinds.get(key[0], 0) >= per_kind:
+            continue
+        kinds[key[0]] = kinds.get(key[0], 0) + 1
+        chosen.append(scored)
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def search(
+    problem: Problem,
+    holdout: Holdout,
+    plain: Fit,
+    signatures: Signatures,
+    ranges: Ranges,
+    rules: Rules,
+    say: Say,
+    state: Search | None = None,
+) -> Search:
+    """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete."""
+    if state is None:
+        first = Trial((), plain, holdout.predict(plain.model, plain.x))
+        state = Search(first, first, rules)
+    try:
+        _forward(problem, holdout, signatures, ranges, rules, say, state)
+        # What is needless goes first: swaps are only worth their time among what stays.
+        _backward(problem, holdout, rules, say, state)
+        if _swap(problem, holdout, signatures, ranges, rules, say, state):
+            _backward(problem, holdout, rules, say, state)
+        state.chosen = state.best
+        _elements(problem, holdout, ranges, rules, say, state)
+        state.complete = True
+    except KeyboardInterrupt:
+        state.notes.append("interrupted: the search is not complete")
+    return state
+
+
+def _forward(
+    problem: Problem, holdout: Holdout, signatures: Signatures, ranges: Ranges, rules: Rules, say: Say, state: Search
+) -> None:
+    worth = rules.worth * max(0.0, state.plain.fit.squares - problem.rows)
+    for number in range(rules.most):
+        current = state.best
+        screening = score(problem, current.fit, signatures)
+        if state.screening is None:
+            state.screening = screening
+        correlation = correlation_length(problem, current.fit.residual)
+        count = rules.tried[0] if number == 0 else rules.tried[1]
+        taken = [c.key for c in current.candidates]
+        chosen = promising(screening.ranking, taken, count, rules.per_kind, problem.rows / correlation)
+        # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
+        enough = min(worth, rules.rest * max(0.0, current.fit.squares - problem.rows))
+        least = max(0.5 * enough, rules.near * max((scored.score for scored in chosen), default=0.0))
+        chosen = [scored for scored in chosen if scored.score > least]
+        chosen = _with_kin(chosen, screening.ranking, taken)
+        if problem.restarts:
+            chosen = _with_wider(chosen, screening.ranking, taken)
+            chosen = _with_rivals(chosen, screening.ranking, taken, state.rivals)
+        if not chosen:
+            share = 100.0 * enough / max(worth / rules.worth, 1e-9)
+            state.notes.append(f"no further candidate promises {share:.2g} % of the excess error")
+            return
+        trials = _tried(problem, holdout, ranges, say, state, chosen)
+        if not trials:
+            return
+        state.rivals.append(trials)
+        correlation = correlation_length(problem, trials[0].fit.residual)
+        gain = bic(current, problem, correlation) - bic(trials[0], problem, correlation)
+        if gain < rules.forward or current.fit.squares - trials[0].fit.squares < enough:
+            state.notes.append(f"{trials[0].label} lowers the criterion by {gain:.1f} only: not taken in")
+            return
+        state.best = trials[0]
+        state.notes.append(f"taken in: {trials[0].key[-1][0]} at {trials[0].key[-1][1]}, criterion lower by {gain:.1f}")
+        if trials[0].fit.squares / problem.rows < NOISE_LEFT and number + 1 < rules.most:
+            state.notes.append("what is left is noise: no further effect is sought")
+            return
+
+
+def _tried(
+    problem: Problem, holdout: Holdout, ranges: Ranges, say: Say, state: Search, chosen: Sequence[Scored]
+) -> list[Trial]:
+    """The best set with each of ``chosen`` added, refitted; the best of them first."""
+    current = state.best
+    number = len(current.candidates) + 1
+    trials: list[Trial] = []
+    for k, scored in enumerate(chosen):
+        say(
+            f"effect {number}: refitting {scored.candidate.kind} at {scored.candidate.where} ({k + 1} of {len(chosen)})"
+        )
+        candidates = [*current.candidates, scored.candidate]
+        trial = refit(
+            problem, holdout, current.fit, candidates, [scored.strengths], ranges, kept=len(current.candidates)
+        )
+        if trial is not None:
+            trials.append(trial)
+            state.trials.append(trial)
+    # The winner and a near runner-up once more, with sensitivities of their own: the others' are those of the smaller
+    # model.
+    trials = _sorted(trials, problem)
+    most = max((current.fit.squares - t.fit.squares for t in trials), default=0.0)
+    for k, trial in enumerate(trials[:2]):
+        if k == 0 or current.fit.squares - trial.fit.squares > state.rules.refined * most:
+            say(f"effect {number}: refining {trial.label}")
+            trials[k] = _refined(problem, holdout, trial)
+            state.trials.append(trials[k])
+    trials = _off_bounds_first(_sorted(trials, problem), current, problem, state.rules)
+    return _widest_first(trials, current, problem, state.rules) if problem.restarts and trials else trials
+
+
+def _with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[tuple[str, str]]) -> list[Scored]:
+    """``chosen`` with the kinds of the same form in the same places: only a refit tells stiction from hysteresis."""
+    result = list(chosen)
+    for scored in chosen:
+        kin = (KIN.get(scored.candidate.kind, ""), scored.candidate.where)
+        if kin not in [*taken, *(c.candidate.key for c in result)]:
+            result += [s for s in ranking if s.candidate.key == kin][:1]
+    return result
+
+
+def _off_bounds_first(trials: list[Trial], current: Trial, problem: Problem, rules: Rules) -> list[Trial]:
+    """The same trials, the first one, if it sits on a bound, exchanged for one that does not and is nearly as good."""
+    if not trials or not _on_bound(trials[0]):
+        return trials
+    correlation = correlation_length(problem, trials[0].fit.residual)
+    before = bic(current, problem, correlation)
+    needed = rules.bound * (before - bic(trials[0], problem, correlation))
+    return _first(trials, lambda t: not _on_bound(t) and before - bic(t, problem, correlation) >= needed)
+
+
+def _first(trials: list[Trial], wanted: Callable[[Trial], bool]) -> list[Trial]:
+    """The same trials, the first of the others that is ``wanted`` in front."""
+    chosen = next((t for t in trials[1:] if wanted(t)), trials[0])
+    return [chosen, *(t for t in trials if t is not chosen)]
+
+
+def _on_bound(trial: Trial) -> bool:
+    """Whether the newest effect of a trial has a number on a bound: then it is not this kind, or not here."""
+    model = trial.fit.model
+    return bool(model.effects[-1].on_bound(trial.fit.x[model.place(-1)]))
+
+
+def _with_wider(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[tuple[str, str]]) -> list[Scored]:
+    """``chosen``, each kind tried everywhere too: scores at a fit in a wrong valley tell less of the place."""
+    result = list(chosen)
+    for scored in chosen:
+        everywhere = (scored.candidate.kind, scored.candidate.plan.sorts[0])
+        known = [*taken, *(c.candidate.key for c in result)]
+        if scored.candidate.plan.parts and everywhere not in known:
+            result += [next(s for s in ranking if s.candidate.key == everywhere)]
+    return result
+
+
+def _with_rivals(
+    chosen: Sequence[Scored],
+    ranking: Sequence[Scored],
+    taken: Sequence[tuple[str, str]],
+    rivals: Sequence[Sequence[Trial]],
+) -> list[Scored]:
+    """``chosen`` with the best of another kind from each earlier round.
+
+    A refit found it worth something; where the cost has several valleys, a score at the bottom of one of them does not
+    see it any more.
+    """
+    result = list(chosen)
+    for earlier in rivals:
+        kinds = {kind for kind, _ in (*taken, *(c.candidate.key for c in result))}
+        key = next((t.key[-1] for t in earlier if t.key[-1][0] not in kinds), None)
+        result += [s for s in ranking if s.candidate.key == key][:1]
+    return result
+
+
+def _widest_first(trials: list[Trial], current: Trial, problem: Problem, rules: Rules) -> list[Trial]:
+    """The same trials, the first one exchanged for one of its kind in a wider place where that is hardly worse.
+
+    Where the cost has several valleys a small difference of the criterion is one of valleys, not of places.
+    """
+    best = trials[0]
+    correlation = correlation_length(problem, best.fit.residual)
+    before, least = bic(current, problem, correlation), bic(best, problem, correlation)
+    limit = least + rules.narrow * max(0.0, before - least)
+    core = best.fit.model.core
+    place = set(members(best.key[-1][1], best.candidates[-1].plan.parts, core))
+
+    def wanted(trial: Trial) -> bool:
+        kind, where = trial.key[-1]
+        wider = kind == best.key[-1][0] and place < set(members(where, trial.candidates[-1].plan.parts, core))
+        return wider and bic(trial, problem, correlation) < limit
+
+    return _first(trials, wanted)
+
+
+def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
+    if not trials:
+        return trials
+    correlation = correlation_length(problem, min(trials, key=lambda t: t.fit.squares).fit.residual)
+    return sorted(trials, key=lambda t: bic(t, problem, correlation))
+
+
+def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
+    name = f"refined {[(c.key, sorted(c.shape.items())) for c in trial.candidates]}"
+    fit = trial.fit
+    # What was found may be stiffer than what was expected.
+    model = resolved(problem.engine, problem.records, fit.model, fit.x, fit.states, problem.misfit(fit))
+    if model.finer != fit.model.finer:
+        fit = evaluate(problem, model, fit.x, fit.states, fit.trust)
+    known = stored(problem, fit, name)
+    fit = known or fit
+    fit = with_sensitivities(problem, fit)
+    if known is None:
+        renew = list(range(len(fit.model.plain), fit.model.size))
+        fit = improve(problem, fit, iterations=20, renew=renew, renewals=6, tolerance=1e-3)
+        store(problem, fit, name)
+    return Trial(trial.candidates, fit, holdout.predict(fit.model, fit.x))
+
+
+def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state: Search) -> None:
+    """Drop what the held-out logs do not need, the least needed first."""
+    while state.best.candidates:
+        current = state.best
+        correlation = correlation_length(problem, current.fit.residual)
+        state.shares.clear()
+        weakest: tuple[float, Trial, str] | None = None
+        for k in range(len(current.candidates)):
+            say(f"pruning: without {current.key[k][0]} at {current.key[k][1]}")
+            smaller = state.plain if len(current.candidates) == 1 else without(problem, holdout, current, k)
+            if smaller is None:
+                continue
+            gain = bic(smaller, problem, correlation) - bic(current, problem, correlation)
+            p_value = better(smaller.prediction, current.prediction)
+            before, more, less = excesses(state.plain.prediction, smaller.prediction, current.prediction)
+            share = (more - less) / max(before, 1e-9)
+            state.shares[current.key[k]] = share
+            fails = [
+                text
+                for failed, text in (
+                    (gain < rules.backward, f"criterion {gain:.1f}"),
+                    (p_value > rules.rank, f"held-out rank test p = {p_value:.3f}"),
+                    (share < rules.share, f"removes {100 * share:.1f} % of the excess"),
+                )
+                if failed
+            ]
+            if fails and (weakest is None or share < weakest[0]):
+                weakest = (share, smaller, f"dropped: {current.key[k][0]} at {current.key[k][1]} ({', '.join(fails)})")
+        if weakest is None:
+            return
+        state.best = weakest[1]
+        state.notes.append(weakest[2])
+
+
+def _swap(
+    problem: Problem, holdout: Holdout, signatures: Signatures, ranges: Ranges, rules: Rules, say: Say, state: Search
+) -> bool:
+    """Exchange effects of a set of several for look-alikes where that lowers the criterion; whether one was."""
+    swapped = False
+    for k in range(len(state.best.candidates)):
+        if len(state.best.candidates) < 2:
+            break
+        current = state.best
+        say(f"look-alikes of {current.key[k][0]} at {current.key[k][1]}")
+        smaller = without(problem, holdout, current, k)
+        if smaller is None:
+            continue
+        ranking = score(problem, smaller.fit, signatures).ranking
+        correlation = correlation_length(problem, current.fit.residual)
+        own = max((scored.score for scored in ranking if scored.candidate.key == current.key[k]), default=0.0)
+        for scored in promising(ranking, current.key, 2, 1, problem.rows / correlation):
+            if scored.score < rules.like * own:
+                continue
+            candidates = [*smaller.candidates, scored.candidate]
+            kept = len(smaller.candidates)
+            trial = refit(problem, holdout, smaller.fit, candidates, [scored.strengths], ranges, kept=kept)
+            if trial is None:
+                continue
+            state.trials.append(trial)
+            if bic(current, problem, correlation) - bic(trial, problem, correlation) > rules.swap:
+                state.notes.append(f"{trial.label} in place of {current.label}")
+                state.best = current = trial
+                swapped = True
+    return swapped
+
+
+def _elements(problem: Problem, holdout: Holdout, ranges: Ranges, rules: Rules, say: Say, state: Search) -> None:
+    """Second branches and stages of what was named: the names stay, their form comes nearer to the arm's.
+
+    Not where the cost has several valleys: there another stage is a way into one of them.
+    """
+    if problem.restarts:
+        return
+    for k, candidate in enumerate(state.best.candidates):
+        plan = candidate.plan
+        if plan.further is None:
+            continue
+        current = state.best
+        correlation = correlation_length(problem, current.fit.residual)
+        if current.fit.squares / problem.rows < NOISE_LEFT:
+            return
+        model = current.fit.model
+        old = model.effects[k].parameters([float(v) for v in current.fit.x[model.place(k)]])
+        start = with_sensitivities(problem, current.fit)
+        for shape in plan.further(old):
+            say(f"a further element of {candidate.kind} at {candidate.where}")
+            further = Candidate(plan, candidate.where, shape)
+            strengths = [0.3 * old[s.name] for s in plan.strengths] or [1.0] * len(plan.probed(shape))
+            trial = refit(
+                problem,
+                holdout,
+                start,
+                [*current.candidates, further],
+                [strengths],
+                ranges,
+                kept=len(current.candidates),
+                renewals=3,
+            )
+            if trial is None:
+                continue
+            gain = bic(current, problem, correlation) - bic(trial, problem, correlation)
+            left, gained = current.fit.squares - problem.rows, current.fit.squares - trial.fit.squares
+            needed = gain >= rules.forward and gained >= rules.element * left
+            if needed and better(current.prediction, trial.prediction) <= rules.rank:
+                state.notes.append(
+                    f"a further element of {candidate.kind} at {candidate.where}: criterion lower by {gain:.1f}"
+                )
+                state.best = trial
+                break

@@ -1,0 +1,126 @@
+"""The diagnosed arm as a parameter file: re-identified plain values and the named effects, each with its source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bha.diagnosis.model import Model
+from bha.errors import FileError, InputError, way_out
+from bha.support.files import check_target
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.diagnosis.result import Number
+    from bha.diagnosis.workflow import Outcome
+    from bha.logs import Log
+
+
+#: The files of a diagnosis, each with what stands near its beginning.
+RESULTS = {
+    "diagnosis.json": b'"bha-diagnosis/',
+    "arm_diagnosed.toml": b'"bha-arm/',
+    "report.html": b"<title>Diagnosis of ",
+}
+_BEGINNING = 16_384
+
+
+def check_results(folder: Path, *, report: bool) -> None:
+    """Check that the results can be written, and that they replace those of an earlier diagnosis and nothing else.
+
+    Raises:
+        InputError: a file of that name is there and is none of a diagnosis.
+        FileError: one cannot be written.
+    """
+    for name, mark in RESULTS.items():
+        if name == "report.html" and not report:
+            continue
+        path = folder / name
+        check_target(path)
+        try:
+            with path.open("rb") as file:
+                begins = file.read(_BEGINNING)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise FileError(f"{path}: cannot be read: {way_out(error)}") from error
+        if begins and mark not in begins:
+            raise InputError(f"{path}: was not written by bha diagnose; move it away, or name another folder")
+
+
+def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
+    """The arm with the values of the last model; provenance ``identified`` with intervals and the training logs."""
+    mapping = arm.parameters.to_mapping()
+    model, x = outcome.model, outcome.x
+    references = [
+        {"name": Path(log.path).name, "sha256": log.sha256}
+        for log in logs
+        if log.path is not None and log.sha256 is not None and len(log.sha256) == 64
+    ]
+    _write_plain(mapping, model, x, outcome, references)
+    tables = [
+        _effect_table(effect.kind, where, parameters, references)
+        for effect in outcome.diagnosis.effects
+        for where, parameters in (
+            *((effect.where, e) for e in effect.elements or [effect.parameters]),
+            *((c.where, c.parameters) for c in effect.corrections),
+        )
+    ]
+    changes: dict[str, Any] = {"section": mapping["section"]}
+    if tables:
+        changes["effect"] = [*mapping.get("effect", []), *tables]
+    return arm.with_parameters(arm.parameters.updated(changes))
+
+
+def _effect_table(
+    kind: str, where: str, parameters: Mapping[str, Number], references: list[dict[str, str]]
+) -> dict[str, Any]:
+    provenance: dict[str, Any] = {}
+    for name, number in parameters.items():
+        entry: dict[str, Any] = {"status": "identified" if number.ci95 is not None else "assumed"}
+        if number.ci95 is not None:
+            entry["ci95"] = list(number.ci95)
+            if references:
+                entry["logs"] = references
+        provenance[name] = entry
+    table: dict[str, Any] = {"kind": kind, "where": where, **{k: n.value for k, n in parameters.items()}}
+    return table | ({"provenance": provenance} if provenance else {})
+
+
+def _write_plain(
+    mapping: dict[str, Any], model: Model, x: Any, outcome: Outcome, references: list[dict[str, str]]
+) -> None:
+    # What the model computes with at x says every derived value (inertia) too.
+    core = model.with_effects([]).description(x[: len(model.plain)])
+    intervals = {c.path: (c, outcome.uncertainty[k]) for k, c in enumerate(model.plain)}
+    for i, (table, section, before) in enumerate(
+        zip(mapping["section"], core["section"], model.core["section"], strict=True)
+    ):
+        first, first_before = section["bellows"][0], before["bellows"][0]
+        table["mass"] = section["mass"]
+        table["inertia"] = section["inertia"]
+        table["center_of_mass"] = section["center_of_mass"]
+        if section.get("force_point") is not None:
+            table["force_point"] = section["force_point"]
+        table["bending_stiffness"] = section["bending_stiffness"]
+        for key in ("rest_length", "damping", "terminal_area"):
+            factor = first[key] / first_before[key] if first_before[key] else 1.0
+            table[key] = first[key] if "bellows" not in table else table[key] * factor
+        table["stiffness"] = first["stiffness"]
+        for bellows, now in zip(table.get("bellows", []), section["bellows"], strict=False):
+            for key in ("rest_length", "damping", "terminal_area", "stiffness"):
+                if key in bellows:
+                    bellows[key] = now[key]
+        provenance = dict(table.get("provenance", {}))
+        for key in ("mass", "rest_length", "damping", "terminal_area"):
+            if (key, i) in intervals:
+                provenance[key] = _entry(intervals[key, i][1], references)
+        for key in ("inertia", "center_of_mass", "stiffness", "bending_stiffness"):
+            provenance[key] = {"status": "identified", **({"logs": references} if references else {})}
+        table["provenance"] = provenance
+
+
+def _entry(ci95: Any, references: list[dict[str, str]]) -> dict[str, Any]:
+    interval = [list(pair) for pair in ci95] if isinstance(ci95, list) else list(ci95)
+    return {"status": "identified", "ci95": interval, **({"logs": references} if references else {})}

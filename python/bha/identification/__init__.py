@@ -1,0 +1,58 @@
+"""Identification: from measured logs to the parameters of an arm, with how well they are known.
+
+``identify`` does the whole of it. Its parts: ``record`` (logs as residuals see them), ``refine`` (joint fit by output
+error), ``identification`` (what is known and what is left), ``predict`` (held-out logs); ``fit_poses`` fits what a slow
+arm tells. The paper's procedures of section IV, each on its own, are ``inertia``, ``longitudinal_stiffness``,
+``bending_stiffness`` and ``swing_damping``; ``excite`` proposes what to measure.
+"""
+
+from bha.identification.excitation import Excitation, excite
+from bha.identification.free import FreeParameter, default_free
+from bha.identification.holdout import Prediction, predict
+from bha.identification.identifiability import Combination, unknown_combinations
+from bha.identification.moments import Inertia, inertia
+from bha.identification.records import Record, record
+from bha.identification.refine import Refinement, Settings, refine
+from bha.identification.residuals import ChannelResidual
+from bha.identification.result import Estimate, HeldOut, Identification, identification
+from bha.identification.static_fit import StaticFit, fit_poses
+from bha.identification.statics import StiffnessFit, bending_stiffness, longitudinal_stiffness
+from bha.identification.stretches import SteadyState, Stretch, steady_states, swings
+from bha.identification.swing import Oscillation, SwingFit, swing_damping
+from bha.identification.workflow import identify
+
+__all__ = [
+    "ChannelResidual",
+    "Combination",
+    "Estimate",
+    "Excitation",
+    "FreeParameter",
+    "HeldOut",
+    "Identification",
+    "Inertia",
+    "Oscillation",
+    "Prediction",
+    "Record",
+    "Refinement",
+    "Settings",
+    "StaticFit",
+    "SteadyState",
+    "StiffnessFit",
+    "Stretch",
+    "SwingFit",
+    "bending_stiffness",
+    "default_free",
+    "excite",
+    "fit_poses",
+    "identification",
+    "identify",
+    "inertia",
+    "longitudinal_stiffness",
+    "predict",
+    "record",
+    "refine",
+    "steady_states",
+    "swing_damping",
+    "swings",
+    "unknown_combinations",
+]

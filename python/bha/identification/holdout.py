@@ -1,0 +1,106 @@
+"""The test of a fit: whole logs that took no part in it, predicted from their first moments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha import names
+from bha.arm import Arm
+from bha.errors import ConvergenceError
+from bha.identification.engine import STEPS, Model
+from bha.identification.initial import guess_state
+from bha.identification.integration import choose_integration
+from bha.identification.records import Record, Window
+from bha.identification.refine import scales
+from bha.identification.solver import Point, Problem, Residuals, solve
+
+Array = NDArray[np.float64]
+
+#: From this much of a log its initial state is estimated, s; the rest is prediction.
+START_SECONDS = 1.0
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A record predicted by simulation from its start to its end.
+
+    Attributes:
+        record: the record.
+        predicted: predicted channels, m, shape (m, C); NaN from where the simulation failed.
+        failed: time at which it failed, s, or None.
+    """
+
+    record: Record
+    predicted: Array
+    failed: float | None
+
+    @property
+    def error(self) -> Array:
+        """Measured minus predicted, m, shape (m, C); NaN where a measurement does not count."""
+        return np.where(self.record.usable, self.record.measured - self.predicted, np.nan)
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square error of each channel, m, shape (C,); NaN for a simulation that failed."""
+        if self.failed is not None:
+            return np.full(len(self.record.channels), np.nan)
+        counts = np.maximum(self.record.usable.sum(axis=0), 1)
+        return np.asarray(np.sqrt(np.nansum(self.error**2, axis=0) / counts))
+
+    @property
+    def head_rms(self) -> dict[int, float]:
+        """Root mean square distance of measured and predicted head, m, for each section whose head was measured."""
+        squares: dict[int, float] = {}
+        for channel, rms in zip(self.record.channels, self.rms, strict=True):
+            quantity = names.quantity(channel)
+            if quantity is not None and quantity.kind == "position":
+                squares[quantity.section] = squares.get(quantity.section, 0.0) + float(rms) ** 2
+        return {section: float(np.sqrt(square)) for section, square in squares.items()}
+
+
+def predict(
+    arm: Arm, records: Sequence[Record], *, step: float | None = None, threads: int | None = None
+) -> list[Prediction]:
+    """Predict whole records with an arm; the initial state of each is estimated from its first second.
+
+    The integrator is chosen for each record unless ``step`` (of the classical method) is given. A simulation that fails
+    is reported in its place.
+    """
+    return [_predict(arm, rec, step, threads) for rec in records]
+
+
+def _predict(arm: Arm, rec: Record, step: float | None, threads: int | None) -> Prediction:
+    model = Model(arm.parameters, (), (rec,), threads=threads)
+    whole, none = [Window(0, 0, len(rec))], np.zeros(0)
+    states = guess_state(arm, rec, 0)[None]
+    if step is not None:
+        model = replace(model, step=step)
+    else:
+        try:
+            model = choose_integration(model, none, whole, states)
+        except ConvergenceError:
+            model = replace(model, step=STEPS[-1])
+    states = _start_state(model, states)
+    predicted = model.predict(none, whole, states)[0]
+    bad = ~np.all(np.isfinite(predicted), axis=1)
+    return Prediction(rec, predicted, float(rec.time[np.argmax(bad)]) if bad.any() else None)
+
+
+def _start_state(model: Model, guess: Array) -> Array:
+    """The initial state that fits the first second of the model's only record best, shape (1, 6n)."""
+    rec = model.records[0]
+    last = int(np.searchsorted(rec.time, rec.time[0] + START_SECONDS))
+    window = Window(0, 0, min(max(last, 8), len(rec)))
+    nothing = (np.zeros(0), np.ones(0))
+    problem = Problem(model, (window,), Residuals((rec.noise,), huber=np.inf), guess, nothing)
+    point = Point(np.zeros(0), guess)
+    try:
+        # Where the model is wrong, its own error is the scale: the state must not make up for it.
+        problem = problem.rescaled(scales(problem, point))
+        return solve(problem, point, max_iterations=6, tolerance=1e-3).point.states
+    except ConvergenceError:
+        return guess

@@ -1,0 +1,115 @@
+"""Which integrator and which step: as coarse as the noise allows, checked by halving.
+
+Lightly damped arms are cheapest with the classical method of order 4. Arms whose damping outweighs their masses are
+stiff: there the explicit method needs steps far below what accuracy asks for, and a linearly implicit one of order 2 is
+cheaper. What counts as accurate is set by the sensors' noise, or by what the model leaves unexplained where that is
+much more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.errors import ConvergenceError
+from bha.identification.engine import STEPS, Model
+from bha.identification.records import Window
+from bha.identification.solver import Point, Problem
+from bha.runs.simulation import Method
+
+Array = NDArray[np.float64]
+
+#: Error of the integrator that is allowed, in sensor noises and in what the model leaves (median).
+_NOISE_SHARE = 0.1
+_RESIDUAL_SHARE = 0.01
+#: A classical step as long as this is not worth comparing with the implicit method, s.
+_GOOD_STEP = 2.5e-3
+_WINDOWS = 4
+
+
+def choose_integration(
+    model: Model, z: Array, pieces: Sequence[Window], states: Array, *, methods: Method | None = None
+) -> Model:
+    """The model with the cheapest integrator (or that of ``methods``) that is accurate enough over some windows.
+
+    Raises:
+        ConvergenceError: the simulation fails with every integrator.
+    """
+    chosen = np.unique(np.linspace(0, len(pieces) - 1, min(_WINDOWS, len(pieces))).astype(int))
+    some, their = [pieces[k] for k in chosen], states[chosen]
+    explicit = None if methods == "ros2" else _longest(replace(model, method="rk4"), z, some, their)
+    if explicit is not None and explicit >= _GOOD_STEP:
+        return replace(model, method="rk4", step=explicit)
+    implicit = None if methods == "rk4" else _longest(replace(model, method="ros2"), z, some, their)
+    candidates: tuple[tuple[Method, float | None], ...] = (("rk4", explicit), ("ros2", implicit))
+    found: list[tuple[float, Method, float]] = []
+    for method, step in candidates:
+        if step is not None:
+            found.append((evaluations(method, states.shape[1]) / step, method, step))
+    if not found:
+        return _fallback(model, z, some, their)
+    _, method, step = min(found)
+    return replace(model, method=method, step=step)
+
+
+def evaluations(method: str, unknowns: int) -> int:
+    """Evaluations of the equations of motion a step costs."""
+    return 4 if method == "rk4" else 2 + unknowns
+
+
+def too_coarse(problem: Problem, point: Point) -> bool:
+    """Whether halving the step changes predictions by more than twice what is allowed."""
+    model = problem.model
+    coarse = model.predict(point.z, problem.windows, point.states)
+    fine = replace(model, step=model.step / 2).predict(point.z, problem.windows, point.states)
+    return _excess(model, problem.windows, coarse, fine) > 2.0
+
+
+def _longest(model: Model, z: Array, some: Sequence[Window], states: Array) -> float | None:
+    """The longest step that halving does not change too much."""
+    coarse: list[Array] | None = None
+    previous = STEPS[0]
+    for step in (*STEPS, STEPS[-1] / 2):
+        fine = replace(model, step=step).predict(z, some, states)
+        if coarse is not None and _excess(model, some, coarse, fine) < 1.0:
+            return previous
+        coarse, previous = fine, step
+    return None
+
+
+def _excess(model: Model, some: Sequence[Window], coarse: list[Array], fine: list[Array]) -> float:
+    """The greatest root mean square change of a channel, in what is allowed."""
+    worst = 0.0
+    for window, a, b in zip(some, coarse, fine, strict=True):
+        if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
+            return np.inf
+        rec = model.records[window.record]
+        rows = slice(window.first, window.last)
+        left = np.abs(np.where(rec.usable[rows], rec.measured[rows] - b, 0.0))
+        allowed = np.maximum(_NOISE_SHARE * rec.noise, _RESIDUAL_SHARE * np.median(left, axis=0) / 0.6745)
+        worst = max(worst, float(np.max(np.sqrt(np.mean((a - b) ** 2, axis=0)) / allowed)))
+    return worst
+
+
+def _fallback(model: Model, z: Array, some: Sequence[Window], states: Array) -> Model:
+    """The finest step tried, if the simulation at least runs with it.
+
+    Raises:
+        ConvergenceError: it does not.
+    """
+    methods: tuple[Method, ...] = ("rk4", "ros2")
+    for method in methods:
+        finest = replace(model, method=method, step=STEPS[-1] / 2)
+        predicted = finest.predict(z, some, states)
+        failed = [k for k, p in enumerate(predicted) if not np.all(np.isfinite(p))]
+        if not failed:
+            return finest
+    window = some[failed[0]]
+    rec = model.records[window.record]
+    raise ConvergenceError(
+        f"{rec.name}: the simulation with the starting values fails between {rec.time[window.first]:g} and "
+        f"{rec.time[window.last - 1]:g} s with every step tried; start from values nearer to the arm's"
+    )

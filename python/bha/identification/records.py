@@ -1,0 +1,202 @@
+"""Recordings as identification sees them: channels with noise, usable rows, windows.
+
+A record holds what the model predicts (lengths, head positions, orientations) beside what drives it; it is made of a
+:class:`bha.Recording`, which says what each sample is worth. Rows that do not count are left out of residuals; the
+simulation still passes through them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.arm import Arm
+from bha.errors import InputError
+from bha.logs import Log
+from bha.recordings import Observation, PressureSort, Recording
+from bha.runs.simulation import Input
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Noise that is assumed where a channel does not tell it: length sensors and motion capture rarely do better; in the
+#: unit of the channel (m; a quaternion's component).
+DEFAULT_NOISE = 2e-4
+
+
+@dataclass(frozen=True)
+class Record:
+    """One log, ready for residuals; m rows, C channels.
+
+    Attributes:
+        name: what it is called in reports.
+        session: logs of one session share session parameters.
+        sha256: hash of its file, or None.
+        drive: what drives the arm, at all sample times.
+        time: times of the rows compared, s, shape (m,).
+        observation: the measured channels as functions of coordinates and heads: lengths first, then head positions,
+            then orientations.
+        measured: measurements, m, shape (m, C).
+        usable: which measurements count, shape (m, C).
+        noise: standard deviation of each channel's sensor noise, m, shape (C,).
+        pressure_noise: that of each pressure input, Pa, shape (inputs,).
+    """
+
+    name: str
+    session: str
+    sha256: str | None
+    drive: Input
+    time: Array
+    observation: Observation
+    measured: Array
+    usable: Mask
+    noise: Array
+    pressure_noise: Array
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.time)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the measured channels."""
+        return self.observation.names
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last row, s."""
+        return float(self.time[-1] - self.time[0])
+
+    def without(self, spans: Sequence[tuple[float, float]]) -> Record:
+        """The same record with the rows within some spans of time, s, not counting."""
+        usable = self.usable.copy()
+        for start, end in spans:
+            usable[(self.time >= start) & (self.time <= end)] = False
+        return replace(self, usable=usable)
+
+    def thinned(self, interval: float) -> Record:
+        """The same record with rows at least ``interval`` s apart; what drives the arm keeps all its samples."""
+        rows = _thinned(self.time, interval)
+        return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
+
+
+@dataclass(frozen=True)
+class Window:
+    """Rows ``first`` to ``last`` (exclusive) of a record, simulated from an initial state of their own."""
+
+    record: int
+    first: int
+    last: int
+
+
+def record(
+    arm: Arm,
+    log: Log | Recording | str | os.PathLike[str],
+    *,
+    pressures: PressureSort | None = None,
+    name: str | None = None,
+    session: str = "",
+    channels: Sequence[str] | None = None,
+    noise: Array | None = None,
+    min_interval: float = 0.0,
+    exclude: Sequence[tuple[float, float]] = (),
+) -> Record:
+    """Make a record of a log.
+
+    Args:
+        arm: the arm; says which pressures drive it.
+        log: the log, its path, or a recording of it.
+        pressures: which pressures drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones where there
+            are any.
+        name: what to call it; the file's name if None.
+        session: session of the log, for parameters that differ between sessions.
+        channels: names of the channels to compare (``q11``, ``x2``, ...); all that the log has if None.
+        noise: standard deviation of each channel's noise, m; estimated if None.
+        min_interval: rows closer together than this are thinned, s (0: none).
+        exclude: spans of time that do not count, s.
+
+    Raises:
+        LogError: the log lacks a pressure of the arm, or has a name that the arm's layout contradicts.
+        InputError: the log has nothing to compare with, or too few rows.
+    """
+    recording = log if isinstance(log, Recording) else Recording(arm, log, pressures=pressures, name=name)
+    origin, outputs = name or recording.name, recording.outputs
+    if channels is not None and (unknown := set(channels) - set(recording.channels)):
+        has = ", ".join(recording.channels) or "none"
+        raise InputError(f"{origin}: channels {', '.join(sorted(unknown))}: not measured of this arm; found {has}")
+    kept = [k for k, output in enumerate(outputs) if channels is None or output.name in channels]
+    if not kept:
+        raise InputError(
+            f"{origin}: nothing to compare a simulation with; lengths (q11, ...), head positions (x1, y1, z1, ...) or "
+            f"orientations (ow1, ox1, ...) are needed, the log has {', '.join(recording.log.columns)}"
+        )
+    rows = _thinned(recording.time, min_interval)
+    if len(rows) < 2 or not recording.time[rows[-1]] > recording.time[rows[0]]:
+        raise InputError(f"{origin}: {len(rows)} rows; at least two at different times are needed")
+    facts = [recording.facts[k] for k in kept]
+    if noise is None:
+        deviation = np.array([max(fact.noise, fact.quantum / np.sqrt(12.0)) for fact in facts])
+    else:
+        deviation = np.asarray(noise, dtype=np.float64)
+    if deviation.shape != (len(kept),):
+        raise InputError(f"{origin}: noise of {deviation.shape}; one number a channel is needed, ({len(kept)},)")
+    known = np.isfinite(deviation) & (deviation > 0)
+    deviation = np.where(known, deviation, np.median(deviation[known]) if known.any() else DEFAULT_NOISE)
+    made = Record(
+        name=origin,
+        session=session,
+        sha256=recording.log.sha256,
+        drive=recording.drive,
+        time=recording.time[rows],
+        observation=Observation.of(arm.parameters, [outputs[k] for k in kept]),
+        measured=recording.measured[rows][:, kept],
+        usable=recording.usable[rows][:, kept],
+        noise=deviation,
+        pressure_noise=recording.pressure_noise,
+    )
+    return made.without(exclude) if exclude else made
+
+
+def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 8) -> list[Window]:
+    """Cut records into windows of about ``length`` s (None: one a record), each with some measurement that counts.
+
+    A record is cut evenly, so that its last window is not a stump.
+    """
+    made = []
+    for number, rec in enumerate(records):
+        pieces = 1 if length is None else max(1, round(rec.duration / length))
+        edges = np.searchsorted(rec.time, np.linspace(rec.time[0], rec.time[-1], pieces + 1))
+        edges[-1] = len(rec)
+        for first, last in pairwise(edges):
+            if last - first >= min_rows and rec.usable[first:last].any():
+                made.append(Window(number, int(first), int(last)))
+    if not made:
+        raise InputError(f"no window of {length} s has {min_rows} rows; choose longer windows")
+    return made
+
+
+def some_of(pieces: Sequence[Window], records: Sequence[Record], budget: float) -> list[Window]:
+    """Windows spread evenly over all, lasting ``budget`` s together at the most; all of them if they last less."""
+    total = sum(records[w.record].time[w.last - 1] - records[w.record].time[w.first] for w in pieces)
+    if total <= budget:
+        return list(pieces)
+    count = max(2, int(len(pieces) * budget / total))
+    chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
+    return [pieces[k] for k in chosen]
+
+
+def _thinned(time: Array, interval: float) -> NDArray[np.int64]:
+    """Rows at least ``interval`` apart, and never two at the same time."""
+    if interval <= 0.0:
+        return np.concatenate([[0], np.flatnonzero(np.diff(time) > 0.0) + 1]).astype(np.int64)
+    kept, last = [], -np.inf
+    for row, t in enumerate(time):
+        if t - last >= interval * (1 - 1e-9):
+            kept.append(row)
+            last = t
+    return np.array(kept, dtype=np.int64)

@@ -1,0 +1,359 @@
+"""Joint refinement by output error: all free parameters from all logs at once, by simulation from measured pressures.
+
+A lightly damped arm makes the loss of one long simulation a range of narrow valleys: half a period of phase error
+already points the wrong way. The fit therefore starts with windows shorter than a period, each with its own initial
+state, and ends with longer ones (Bock's multiple shooting without its continuity constraints; a window forgets its
+initial state within a few decay times). The scale of a channel's residuals is its sensor noise where the model is good
+enough, and the spread of what the model leaves where it is not.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.arm import Arm
+from bha.errors import ConvergenceError
+from bha.identification.engine import Model
+from bha.identification.free import Coordinate, FreeParameter, resolve
+from bha.identification.initial import guess_state
+from bha.identification.integration import choose_integration, too_coarse
+from bha.identification.pressure_noise import Corrected, corrected, is_noisy, uncorrected
+from bha.identification.records import Record, Window, some_of, windows
+from bha.identification.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
+from bha.identification.uncertainty import Uncertainty, uncertainty
+from bha.runs.simulation import Method
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+_MEDIAN_NORMAL = 0.6745
+#: The last search ends when a step gains less than this part of the loss, or less than a hundredth.
+_TOLERANCE = 1e-6
+#: Rows of all but the last stage are at least this far apart, and short windows last this long together, s.
+_COARSE_INTERVAL = 0.01
+#: Scales that change by less than this part are settled.
+_SETTLED = 0.05
+_SHORT_BUDGET = 20.0
+#: Most steps by which the shift of pressure noise is taken off.
+_CORRECTIONS = 4
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to fit.
+
+    Attributes:
+        windows: lengths of the windows of the successive stages, s; None in it is a whole log. None in its place: 0.75
+            and 6 s; 6 s and whole logs where pressures have a memory of what was before a window (commands through
+            pneumatics, a pressure lag): a window begins as if they had been at rest.
+        huber: Huber's constant, in scales of the residuals; infinite for plain least squares.
+        step: step of the integrator, s; chosen and checked if None.
+        method: the integrator, ``"rk4"`` or ``"ros2"``; chosen if None (``"rk4"`` where only ``step`` is given).
+        interval: rows closer together than this are thinned, s; what drives the arm keeps all its samples.
+        max_iterations: most steps of the last stage (and at most 12 of the earlier ones).
+        threads: threads of the simulations; all cores if None.
+        state_deviation: standard deviations of initial lengths (m) and rates (m/s) of a window about what was measured
+            there. Wide by default. A model with a gap needs narrow ones where windows are long: initial states would
+            make up for the gap, and a log that is predicted from its start has none to make up with.
+        draws: redrawn pressure noises for the standard errors; 0 leaves pressure noise out.
+        seed: of the redrawn noises.
+    """
+
+    windows: tuple[float | None, ...] | None = None
+    huber: float = HUBER
+    step: float | None = None
+    method: Method | None = None
+    interval: float = 0.0
+    max_iterations: int = 40
+    threads: int | None = None
+    state_deviation: tuple[float, float] = STATE_DEVIATION
+    draws: int = 24
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A joint fit: the problem of its last stage, where it ended, how well that is known.
+
+    Attributes:
+        problem: model, windows, scales and priors of the last stage.
+        outcome: where the search ended.
+        uncertainty: covariance of the coordinates there; None where it could not be computed.
+        pressure_shift: how far the coordinates were moved to take off what noise of the pressures does, shape (p,).
+        seconds: how long it took.
+    """
+
+    problem: Problem
+    outcome: Outcome
+    uncertainty: Uncertainty | None
+    pressure_shift: Array
+    seconds: float
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The free parameters."""
+        return self.problem.model.coordinates
+
+    @property
+    def values(self) -> Array:
+        """Estimated values in SI units, shape (p,)."""
+        return np.array([c.value(z) for c, z in zip(self.coordinates, self.outcome.point.z, strict=True)])
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors of the values, SI units, shape (p,); NaN where not known."""
+        if self.uncertainty is None:
+            return np.full(len(self.coordinates), np.nan)
+        slopes = [c.slope(z) for c, z in zip(self.coordinates, self.outcome.point.z, strict=True)]
+        return np.asarray(np.sqrt(np.diag(self.uncertainty.covariance)) * np.abs(slopes))
+
+    @property
+    def intervals(self) -> Array:
+        """95 % intervals of the values, SI units, shape (p, 2); on the logarithmic scale where that is estimated."""
+        z = self.outcome.point.z
+        if self.uncertainty is None:
+            return np.full((len(z), 2), np.nan)
+        reach = 1.96 * np.sqrt(np.diag(self.uncertainty.covariance))
+        ends = [[c.value(a - d), c.value(a + d)] for c, a, d in zip(self.coordinates, z, reach, strict=True)]
+        return np.sort(np.array(ends), axis=1)
+
+    @property
+    def arm(self) -> Arm:
+        """The arm at the estimate, as logs without a session see it."""
+        return self.problem.model.arm(self.outcome.point.z)
+
+    def arm_of(self, session: str) -> Arm:
+        """The arm at the estimate, as logs of a session see it."""
+        return self.problem.model.arm(self.outcome.point.z, session)
+
+
+def refine(
+    arm: Arm,
+    records: Sequence[Record],
+    free: Iterable[FreeParameter | str],
+    settings: Settings | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Refinement:
+    """Estimate parameters from records by simulation.
+
+    Args:
+        arm: where to start from.
+        records: what to fit, see :func:`bha.identification.record`.
+        free: what to estimate: paths, or free parameters with bounds and priors.
+        settings: how.
+        progress: called with what is being done and the fraction done of all (a guess).
+
+    Returns:
+        The fit. One that did not converge is returned too, with its best point and ``outcome.converged`` false.
+
+    Raises:
+        ParameterError: a path the arm does not have.
+        InputError: something that does not fit together.
+        ConvergenceError: the simulation fails with the starting values.
+    """
+    began = clock.perf_counter()
+    settings = settings or Settings()
+    if settings.windows is None:
+        settings = replace(settings, windows=(6.0, None) if _remembers(arm, records) else (0.75, 6.0))
+    coordinates = resolve(arm.parameters, free)
+    model = Model(arm.parameters, coordinates, tuple(records), threads=settings.threads)
+    z = np.zeros(len(coordinates))
+    mean, deviation = (np.array(v) for v in zip(*[c.prior for c in coordinates], strict=True))
+    tell = progress or (lambda _text, _fraction: None)
+    problem: Problem | None = None
+    outcome: Outcome | None = None
+    stages = _stages(settings)
+    finer: float | None = None
+    for number, (length, interval, budget) in enumerate(stages):
+        final = number == len(stages) - 1
+        label = "whole logs" if length is None else f"windows of {length:g} s"
+
+        def report(iteration: int, cost: float, number: int = number, label: str = label) -> None:
+            tell(
+                f"{label}, step {iteration + 1}, loss {cost:.4g}", (number + 1.0 - 0.75**iteration) / (len(stages) + 1)
+            )
+
+        staged = replace(model, records=tuple(r.thinned(interval) for r in model.records))
+        if final and problem is not None and outcome is not None:
+            problem, states = _on_all_rows(problem, staged, outcome.point)
+        else:
+            problem = _stage_problem(staged, z, (mean, deviation), length, settings, budget)
+            states = problem.guesses
+        tell("choosing the step of the integrator", number / (len(stages) + 1))
+        staged = _integrated(staged, z, problem, states, settings, finer)
+        problem = replace(problem, model=staged)
+        outcome = fit_with_scales(
+            problem,
+            Point(z, states),
+            max_iterations=settings.max_iterations if final else min(12, settings.max_iterations),
+            tolerance=_TOLERANCE if final else 1e-3,
+            damping=1e-4 if number == 0 else 1e-7,
+            progress=report,
+        )
+        problem = problem.rescaled(scales(problem, outcome.point))
+        z = outcome.point.z
+        if final and settings.step is None and finer is None and too_coarse(problem, outcome.point):
+            # What was fine enough at the start need not be at the end, where frequencies are others.
+            finer = 0.5
+            stages.append((length, settings.interval, None))
+    assert problem is not None
+    assert outcome is not None
+    tell("standard errors", len(stages) / (len(stages) + 1))
+    known, moved = None, np.zeros_like(z)
+    try:
+        outcome, normal, better = _without_pressure_noise(problem, outcome, settings)
+        moved = outcome.point.z - z
+        known = uncertainty(problem, outcome.point, normal, better, seed=settings.seed, draws=settings.draws)
+    except (ConvergenceError, np.linalg.LinAlgError) as error:
+        tell(f"standard errors: {error}", len(stages) / (len(stages) + 1))
+    tell("done", 1.0)
+    return Refinement(problem, outcome, known, moved, clock.perf_counter() - began)
+
+
+def _without_pressure_noise(
+    problem: Problem, outcome: Outcome, settings: Settings
+) -> tuple[Outcome, Normal, Corrected]:
+    """The outcome with what pressure noise has moved it by taken off, normal equations and information there."""
+    normal = problem.normal(outcome.point, keep=True)
+    if not settings.draws or not is_noisy(problem):
+        return outcome, normal, uncorrected(problem, normal)
+    bounds = np.array([c.bounds for c in problem.model.coordinates]).T
+    better = corrected(problem, outcome.point, normal, seed=settings.seed)
+    for _ in range(_CORRECTIONS):
+        point = outcome.point
+        moved = problem.evaluated(np.clip(point.z + better.step, *bounds), point.states + better.state_steps)
+        if not np.isfinite(moved.cost):
+            break
+        outcome = replace(outcome, point=moved)
+        # Steps within the error are not repeated: the information is that of next to the same point.
+        if better.step @ normal.reduced()[0] @ better.step < len(better.step):
+            break
+        normal = problem.normal(moved, keep=True)
+        better = corrected(problem, moved, normal, seed=settings.seed)
+    return outcome, normal, better
+
+
+def _integrated(
+    model: Model, z: Array, problem: Problem, states: Array, settings: Settings, finer: float | None
+) -> Model:
+    """The model with the integrator that the settings ask for, or the one that is accurate enough."""
+    if settings.step is not None:
+        return replace(model, method=settings.method or "rk4", step=settings.step)
+    chosen = choose_integration(model, z, problem.windows, states, methods=settings.method)
+    return replace(chosen, step=chosen.step * (finer or 1.0))
+
+
+def _remembers(arm: Arm, records: Sequence[Record]) -> bool:
+    """Whether pressures that act depend on commands of long before."""
+    commanded = any(rec.drive.commanded for rec in records)
+    lags = any(effect.kind == "pressure_lag" for effect in arm.parameters.effects)
+    return lags or (commanded and arm.pneumatics_level != "ideal")
+
+
+def _stages(settings: Settings) -> list[tuple[float | None, float, float | None]]:
+    """Length of windows, interval of rows and budget of the stages: coarse and on a part first, on everything last."""
+    assert settings.windows is not None
+    short = (_SHORT_BUDGET if length is not None and length <= 2.0 else None for length in settings.windows)
+    coarse = max(_COARSE_INTERVAL, settings.interval)
+    stages = [(length, coarse, budget) for length, budget in zip(settings.windows, short, strict=True)]
+    return [*stages, (settings.windows[-1], settings.interval, None)]
+
+
+def _on_all_rows(problem: Problem, model: Model, point: Point) -> tuple[Problem, Array]:
+    """The same windows with all rows of their records, and their initial states as they are."""
+    thin = problem.model.records
+    pieces = []
+    for w in problem.windows:
+        full = model.records[w.record].time
+        edges = thin[w.record].time[[w.first, w.last - 1]]
+        first, last = np.searchsorted(full, edges)
+        pieces.append(Window(w.record, int(first), int(last) + 1))
+    # The last rows of a record may lie behind its last thinned row.
+    for k, w in enumerate(pieces):
+        end = len(model.records[w.record]) if k + 1 == len(pieces) or pieces[k + 1].record != w.record else None
+        pieces[k] = replace(w, last=end or pieces[k + 1].first)
+    return replace(problem, model=model, windows=tuple(pieces)), point.states
+
+
+def _stage_problem(
+    model: Model,
+    z: Array,
+    prior: tuple[Array, Array],
+    length: float | None,
+    settings: Settings,
+    budget: float | None = None,
+) -> Problem:
+    pieces = windows(model.records, length)
+    if budget is not None:
+        pieces = some_of(pieces, model.records, budget)
+    residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber)
+    guesses = guess_states(model, z, pieces)
+    return Problem(model, tuple(pieces), residuals, guesses, prior, settings.state_deviation)
+
+
+def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
+    """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
+    arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
+    return np.stack(
+        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
+    )
+
+
+def scales(problem: Problem, point: Point) -> Residuals:
+    """Scale of each channel: its sensor noise, or the robust spread of its residuals where that is larger."""
+    records = problem.model.records
+    errors: list[list[Array]] = [[] for _ in records]
+    predictions = problem.model.predict(point.z, problem.windows, point.states)
+    for window, predicted in zip(problem.windows, predictions, strict=True):
+        rec = records[window.record]
+        rows = slice(window.first, window.last)
+        errors[window.record].append(np.where(rec.usable[rows], rec.measured[rows] - predicted, np.nan))
+    found = []
+    for rec, parts in zip(records, errors, strict=True):
+        error = np.vstack(parts) if parts else np.zeros((1, len(rec.channels)))
+        good = np.any(np.isfinite(error), axis=0)
+        left = np.array([np.nanmedian(np.abs(e)) if g else 0.0 for e, g in zip(error.T, good, strict=True)])
+        left /= _MEDIAN_NORMAL
+        found.append(np.where(left > 1.05 * rec.noise, left, rec.noise))
+    return replace(problem.residuals, scale=tuple(found))
+
+
+def fit_with_scales(
+    problem: Problem,
+    point: Point,
+    *,
+    max_iterations: int,
+    tolerance: float,
+    damping: float = 1e-4,
+    progress: Callable[[int, float], None] | None = None,
+) -> Outcome:
+    """Minimise while the channels' scales shrink to what the model leaves; the last search keeps them."""
+    total = 0
+    outcome = Outcome(point, False, "not started", 0)
+    while total < max_iterations:
+        before = problem.residuals.scale
+        problem = problem.rescaled(scales(problem, outcome.point))
+        change = max(float(np.max(np.abs(np.log(a / b)))) for a, b in zip(problem.residuals.scale, before, strict=True))
+        settled = change < _SETTLED or total > max_iterations // 2
+        outcome = solve(
+            problem,
+            outcome.point,
+            max_iterations=max_iterations - total if settled else min(3, max_iterations - total),
+            tolerance=tolerance if settled else 1e-2,
+            damping=damping,
+            progress=_shifted(progress, total),
+        )
+        total += max(1, outcome.iterations)
+        if settled:
+            break
+    return replace(outcome, iterations=total)
+
+
+def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable[[int, float], None] | None:
+    return None if progress is None else lambda iteration, cost: progress(iteration + by, cost)

@@ -1,0 +1,319 @@
+"""What identification gives back: estimates with intervals, what is not known, what is left, the parameter file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.arm import Arm
+from bha.identification.free import Coordinate
+from bha.identification.holdout import Prediction, predict
+from bha.identification.identifiability import Combination, unknown_combinations
+from bha.identification.records import Record
+from bha.identification.refine import Refinement
+from bha.identification.residuals import ChannelResidual, channel_residuals
+from bha.identification.words import spoken
+from bha.parameters import ArmParameters, paths
+
+Array = NDArray[np.float64]
+
+#: A fit that leaves more than this many times the sensor noise lacks physics, not parameters.
+GAP = 1.5
+#: Distance from the prior's mean, in its standard deviations, that is reported.
+_SURPRISE = 2.5
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One estimated parameter, in SI units.
+
+    Attributes:
+        name: its path, with its sessions where it has some.
+        path: its path in the parameter file.
+        unit: unit of the numbers.
+        start: value the fit started from.
+        value: estimate.
+        standard_error: its standard error.
+        interval: 95 % interval.
+        identified: whether the data tell it; if not, the value is mostly that of its prior.
+        at_bound: whether it stopped at one of its bounds.
+    """
+
+    name: str
+    path: str
+    unit: str
+    start: float
+    value: float
+    standard_error: float
+    interval: tuple[float, float]
+    identified: bool
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A log that took no part in the fit, predicted before and after it.
+
+    Attributes:
+        before: prediction of the arm the fit started from.
+        after: prediction of the identified arm.
+    """
+
+    before: Prediction
+    after: Prediction
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The result of an identification.
+
+    Attributes:
+        start: the arm it started from.
+        refinement: the fit.
+        estimates: the parameters.
+        correlation: correlation matrix of the estimates on their coordinates, shape (p, p); NaN where not known.
+        unknown: combinations of parameters that the data do not tell.
+        residuals: what is left, per log and channel.
+        held_out: logs that took no part.
+        warnings: what a reader must know before using the values.
+    """
+
+    start: Arm
+    refinement: Refinement
+    estimates: tuple[Estimate, ...]
+    correlation: Array
+    unknown: tuple[Combination, ...]
+    residuals: tuple[ChannelResidual, ...]
+    held_out: tuple[HeldOut, ...]
+    warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """The fit in a line; ``estimates`` has the numbers."""
+        told = sum(estimate.identified for estimate in self.estimates)
+        logs = len(self.refinement.problem.model.records)
+        outcome = self.refinement.outcome
+        state = "converged" if outcome.converged else "NOT converged"
+        left = max((r.rms / r.noise for r in self.residuals if r.noise), default=float("nan"))
+        by = "1 log" if logs == 1 else f"{logs} logs"
+        return (
+            f"Identification({self.start.name!r}: {told} of {len(self.estimates)} parameters told by {by}, "
+            f"{state} after {outcome.iterations} steps, leaves at most {left:.3g} times the noise)"
+        )
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fit converged."""
+        return self.refinement.outcome.converged
+
+    def parameters(self, session: str = "") -> ArmParameters:
+        """The identified parameters, as logs of a session see them, with provenance."""
+        fitted = self.refinement.problem.model
+        logs = [rec for rec in fitted.records if not session or rec.session == session]
+        return _with_provenance(self.refinement.arm_of(session).parameters, self, session, logs)
+
+    def arm(self, session: str = "") -> Arm:
+        """The identified arm."""
+        return Arm(self.parameters(session))
+
+    def summary(self) -> dict[str, Any]:
+        """Everything as plain values, for JSON."""
+        outcome = self.refinement.outcome
+        return {
+            "arm": self.start.name,
+            "converged": outcome.converged,
+            "message": outcome.message,
+            "iterations": outcome.iterations,
+            "seconds": self.refinement.seconds,
+            "method": self.refinement.problem.model.method,
+            "step": self.refinement.problem.model.step,
+            "parameters": [vars(e) for e in self.estimates],
+            "correlation": self.correlation,
+            "unknown": [{"text": c.text, "names": c.names, "deviation": _finite(c.deviation)} for c in self.unknown],
+            "residuals": [vars(r) for r in self.residuals],
+            "held_out": [_held_out_summary(h) for h in self.held_out],
+            "warnings": self.warnings,
+        }
+
+
+def identification(start: Arm, refinement: Refinement, held_out: Sequence[Record] = ()) -> Identification:
+    """Judge a refinement: what is known, what is left, how well held-out logs are predicted."""
+    coordinates, known = refinement.coordinates, refinement.uncertainty
+    count = len(coordinates)
+    correlation = np.full((count, count), np.nan)
+    unknown: tuple[Combination, ...] = ()
+    identified = [False] * count
+    if known is not None:
+        deviations = np.sqrt(np.diag(known.covariance))
+        correlation = known.covariance / np.outer(deviations, deviations)
+        unknown = unknown_combinations(coordinates, known.information, known.inflation)
+        identified = _told(coordinates, known.information, known.inflation)
+    estimates = tuple(
+        Estimate(
+            name=c.name,
+            path=c.path,
+            unit=c.unit,
+            start=c.start,
+            value=float(value),
+            standard_error=float(error),
+            interval=(float(interval[0]), float(interval[1])),
+            identified=told,
+            at_bound=bool(min(z - c.bounds[0], c.bounds[1] - z) < 1e-6),
+        )
+        for c, value, error, interval, told, z in zip(
+            coordinates,
+            refinement.values,
+            refinement.standard_errors,
+            refinement.intervals,
+            identified,
+            refinement.outcome.point.z,
+            strict=True,
+        )
+    )
+    residuals = tuple(_left(refinement, start))
+    held = tuple(_held_out(start, refinement, held_out))
+    warnings = tuple(_warnings(refinement, estimates, unknown, residuals))
+    return Identification(start, refinement, estimates, correlation, unknown, residuals, held, warnings)
+
+
+def _told(coordinates: Sequence[Coordinate], information: Array, inflation: float) -> list[bool]:
+    """Which parameters have a standard error below one half in z without help from their priors."""
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    values = np.maximum(values, 1e-12 * values[-1])
+    variances = inflation * np.sum(vectors**2 / values, axis=1)
+    return [bool(v < 0.25) for v in variances]
+
+
+def _left(refinement: Refinement, arm: Arm) -> list[ChannelResidual]:
+    problem, point = refinement.problem, refinement.outcome.point
+    errors = []
+    predictions = problem.model.predict(point.z, problem.windows, point.states)
+    for window, predicted in zip(problem.windows, predictions, strict=True):
+        rec = problem.model.records[window.record]
+        rows = slice(window.first, window.last)
+        errors.append(np.where(rec.usable[rows], rec.measured[rows] - predicted, np.nan))
+    return channel_residuals(problem.model.records, problem.windows, errors, arm.inputs)
+
+
+def _held_out(start: Arm, refinement: Refinement, records: Sequence[Record]) -> list[HeldOut]:
+    found = []
+    for rec in records:
+        before = predict(start, [rec])[0]
+        after = predict(refinement.arm_of(rec.session), [rec])[0]
+        found.append(HeldOut(before, after))
+    return found
+
+
+def _warnings(
+    refinement: Refinement,
+    estimates: Sequence[Estimate],
+    unknown: Sequence[Combination],
+    residuals: Sequence[ChannelResidual],
+) -> list[str]:
+    said = []
+    outcome = refinement.outcome
+    if not outcome.converged:
+        said.append(f"the fit did not converge: {outcome.message}; the values are those of its best point")
+    if refinement.uncertainty is None:
+        said.append("standard errors could not be computed at the best point")
+    for c, e, z in zip(refinement.coordinates, estimates, outcome.point.z, strict=True):
+        low, high = c.range
+        if e.at_bound or not low <= e.value <= high:
+            said.append(
+                f"{e.name} = {e.value:.4g} {e.unit} is at the edge of what is physical or allowed "
+                f"([{max(low, c.lower):g}, {min(high, c.upper):g}]): it stands in for something the model lacks"
+            )
+            continue
+        mean, deviation = c.prior
+        if abs(z - mean) > _SURPRISE * deviation:
+            said.append(
+                f"{e.name} = {e.value:.4g} {e.unit} lies {abs(z - mean) / deviation:.1f} standard deviations from its "
+                "prior: check the prior, or what the model lacks"
+            )
+    said += [f"not identified: {combination.text}" for combination in unknown]
+    large = [r for r in residuals if r.rms > GAP * r.noise]
+    if large:
+        worst = max(large, key=lambda r: r.rms / r.noise)
+        said.append(
+            f"the fit leaves more than the sensors' noise in {len(large)} of {len(residuals)} channels (most in "
+            f"{worst.channel} of {worst.record}: {1e3 * worst.rms:.2g} mm, noise {1e3 * worst.noise:.2g} mm): the "
+            "model lacks physics there, and the intervals are those of the best parameters of a model that is not "
+            "quite right; `bha diagnose` names what is missing"
+        )
+    return said
+
+
+def _with_provenance(
+    parameters: ArmParameters, result: Identification, session: str, logs: Sequence[Record]
+) -> ArmParameters:
+    """Mark what was identified, with intervals and the logs' hashes."""
+    mapping = parameters.to_mapping()
+    references = [{"name": Path(rec.name).name, "sha256": rec.sha256} for rec in logs if rec.sha256 is not None]
+    marked: dict[int, set[str]] = {}
+    for coordinate, estimate in zip(result.refinement.coordinates, result.estimates, strict=True):
+        if coordinate.sessions and session not in coordinate.sessions:
+            continue
+        if not np.isfinite(estimate.standard_error):
+            continue
+        for member in coordinate.members:
+            value = paths.get_value(parameters, member)
+            factor = value / estimate.value if paths.is_group(coordinate.path) else 1.0
+            table, key, place = paths.table_of(mapping, member)
+            low, high = sorted((estimate.interval[0] * factor, estimate.interval[1] * factor))
+            entry = table.setdefault("provenance", {})
+            old = entry.get(key)
+            fresh = key not in marked.setdefault(id(table), set())
+            marked[id(table)].add(key)
+            told = _narrows(coordinate, estimate)
+            note = "" if estimate.identified else f"not told by these logs alone: {spoken(member)}"
+            if place is None:
+                entry[key] = _entry(told, [low, high], abs(estimate.standard_error * factor), references, note)
+                continue
+            values = table[key]
+            if fresh or not isinstance(old, dict):
+                old = _entry(told, [[v, v] for v in values], [0.0] * len(values), references, note)
+            elif note:
+                old = {**old, "source": "; ".join(filter(None, [old.get("source", ""), note]))}
+            if told:
+                old["status"] = "identified"
+            old["ci95"][place] = [low, high]
+            old["standard_error"][place] = abs(estimate.standard_error * factor)
+            entry[key] = old
+    return parameters.updated(mapping)
+
+
+def _narrows(coordinate: Coordinate, estimate: Estimate) -> bool:
+    """Whether the interval is less than half as wide as the prior's: else the value is the prior's, and assumed."""
+    slope = abs(estimate.value) if coordinate.logarithmic else coordinate.scale
+    return estimate.standard_error < 0.5 * coordinate.prior[1] * slope
+
+
+def _entry(identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str) -> dict[str, Any]:
+    entry: dict[str, Any] = {"status": "identified" if identified else "assumed"}
+    if note:
+        entry["source"] = note
+    entry |= {"ci95": interval, "standard_error": error}
+    if references:
+        entry["logs"] = references
+    return entry
+
+
+def _held_out_summary(held: HeldOut) -> dict[str, Any]:
+    rec = held.after.record
+    return {
+        "log": rec.name,
+        "channels": rec.channels,
+        "noise": rec.noise,
+        "rms_before": [_finite(x) for x in held.before.rms],
+        "rms_after": [_finite(x) for x in held.after.rms],
+        "head_rms_before": {k: _finite(v) for k, v in held.before.head_rms.items()},
+        "head_rms_after": {k: _finite(v) for k, v in held.after.head_rms.items()},
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,158 @@
+"""How well the parameters are known at the end of a fit.
+
+Three sources of error are put together:
+
+- sensor noise of what was measured, through the inverse of the normal equations;
+- noise of the measured pressures that drive the simulation, through simulations with redrawn noise;
+- whatever makes residuals correlated (a model that is not quite right), through the sandwich estimator with a Bartlett
+  kernel over the scores (Newey and West 1987). It counts only where it is larger than the first two: in every direction
+  the larger variance is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.identification import pressure_noise
+from bha.identification.pressure_noise import Corrected
+from bha.identification.solver import Normal, Point, Problem
+
+Array = NDArray[np.float64]
+
+#: Redrawn pressure noises.
+DRAWS = 24
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Covariance of the estimated coordinates z, and what it is made of; all matrices (p, p).
+
+    Attributes:
+        covariance: all sources together.
+        from_sensors: from sensor noise alone.
+        from_pressures: from noise of the pressures.
+        information: information on z in the data (without priors), initial states eliminated.
+        inflation: median over parameters of the variance, all sources together, by that from sensor noise.
+        correlation_time: time over which residuals stay correlated, s, the longest of all channels.
+    """
+
+    covariance: Array
+    from_sensors: Array
+    from_pressures: Array
+    information: Array
+    inflation: float
+    correlation_time: float
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Sensitivity of a window's scaled residuals to z with the initial state's share taken out, shape (rows, C, p)."""
+
+    sensitivity: Array
+    residual: Array
+    mask: NDArray[np.bool_]
+
+
+def projections(normal: Normal) -> list[Projection]:
+    """Per window what its residuals say about the parameters once its own initial state has been fitted."""
+    assert normal.blocks is not None
+    found = []
+    for k, block in enumerate(normal.blocks):
+        gain = np.linalg.solve(normal.h_state[k], normal.h_mixed[k])
+        found.append(Projection(block.by_z - block.by_state @ gain, block.residual, block.mask))
+    return found
+
+
+def uncertainty(
+    problem: Problem, point: Point, normal: Normal, better: Corrected, *, seed: int = 0, draws: int = DRAWS
+) -> Uncertainty:
+    """Covariance of the coordinates at the minimum ``point``.
+
+    Args:
+        problem: the problem.
+        point: the minimum.
+        normal: normal equations there, blocks kept.
+        better: information without what pressure noise adds to it.
+        seed: of redrawn pressure noises.
+        draws: how many of them.
+    """
+    h, _ = normal.reduced()
+    parts = projections(normal)
+    prior = np.diag(problem.prior[1] ** -2.0)
+    inverse = _inverse(better.information + prior)
+    spread = inverse @ better.measured
+    sensors = spread @ (h - prior) @ spread.T + inverse @ prior @ inverse
+    sensitivities = [part.sensitivity * part.mask[..., None] for part in parts]
+    pressures = spread @ pressure_noise.scores(problem, point, sensitivities, seed, draws) @ spread.T
+    rows, seconds = _correlation_rows(problem, parts)
+    scores = np.zeros_like(h)
+    for part, lag in zip(parts, rows, strict=True):
+        scores += _bartlett(np.einsum("tcp,tc->tp", part.sensitivity, part.residual), lag)
+    covariance = larger(sensors + pressures, spread @ scores @ spread.T)
+    return Uncertainty(
+        covariance=covariance,
+        from_sensors=sensors,
+        from_pressures=pressures,
+        information=better.information,
+        inflation=float(np.median(np.diag(covariance) / np.diag(inverse))),
+        correlation_time=seconds,
+    )
+
+
+def larger(a: Array, b: Array) -> Array:
+    """The smallest symmetric matrix of a simple kind that is not below ``a`` nor ``b``: ``a``, raised along the
+    directions in which ``b`` is larger, measured in units of ``a``."""
+    values, vectors = np.linalg.eigh(0.5 * (a + a.T))
+    values = np.maximum(values, 1e-14 * values.max())
+    root, inverse_root = (vectors * values**e @ vectors.T for e in (0.5, -0.5))
+    ratios, directions = np.linalg.eigh(inverse_root @ (0.5 * (b + b.T)) @ inverse_root)
+    return np.asarray(root @ (directions * np.maximum(ratios, 1.0) @ directions.T) @ root)
+
+
+def _correlation_rows(problem: Problem, parts: list[Projection]) -> tuple[list[int], float]:
+    """Per window the kernel's length in rows, and the longest correlation time of any channel, s."""
+    times = []
+    for number, rec in enumerate(problem.model.records):
+        interval = rec.duration / (len(rec) - 1)
+        members = [part for window, part in zip(problem.windows, parts, strict=True) if window.record == number]
+        rows = [correlation_length([part.residual[:, c] for part in members]) for c in range(len(rec.channels))]
+        times.append(max(rows, default=1.0) * interval)
+    lengths = []
+    for window, part in zip(problem.windows, parts, strict=True):
+        rec = problem.model.records[window.record]
+        interval = rec.duration / (len(rec) - 1)
+        lengths.append(int(np.clip(np.ceil(2.0 * times[window.record] / interval), 1, max(1, len(part.mask) // 2))))
+    return lengths, max(times, default=0.0)
+
+
+def correlation_length(series: list[Array]) -> float:
+    """Integrated autocorrelation length of residuals, in rows: 1 for white ones (Geyer's initial positive sequence)."""
+    length = min((len(s) for s in series), default=0)
+    if length < 8:
+        return 1.0
+    spectrum = np.zeros(length)
+    for values in series:
+        transform = np.fft.rfft(values[:length], 2 * length)
+        spectrum += np.fft.irfft(np.abs(transform) ** 2, 2 * length)[:length]
+    if spectrum[0] <= 0.0:
+        return 1.0
+    rho = spectrum / spectrum[0]
+    pairs = rho[1:-1:2] + rho[2::2]
+    end = int(np.argmax(pairs <= 0.0)) if np.any(pairs <= 0.0) else len(pairs)
+    return float(max(1.0, 1.0 + 2.0 * np.sum(pairs[:end])))
+
+
+def _bartlett(scores: Array, lag: int) -> Array:
+    """Long-run covariance of the sum of scores with a Bartlett kernel of ``lag`` rows, shape (p, p)."""
+    padded = np.vstack([np.zeros((lag, scores.shape[1])), scores, np.zeros((lag - 1, scores.shape[1]))])
+    total = np.cumsum(padded, axis=0)
+    moving = total[lag:] - total[:-lag]
+    return np.asarray(moving.T @ moving / lag)
+
+
+def _inverse(h: Array) -> Array:
+    d = np.sqrt(np.diag(h))
+    return np.asarray(np.linalg.pinv(h / np.outer(d, d), rcond=1e-14, hermitian=True) / np.outer(d, d))

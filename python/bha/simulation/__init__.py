@@ -1,0 +1,1 @@
+"""Simulation of what was measured or made up: one run, many abreast, and their derivatives."""

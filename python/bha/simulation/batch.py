@@ -1,0 +1,260 @@
+"""Many simulations in one call: parameter sets, inputs, initial states, windows of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bha import _core
+from bha.arrays import floats
+from bha.errors import BhaError, InputError
+from bha.logs import Log
+from bha.recordings import Recording
+from bha.runs.simulation import Input, Interpolation, Method, Options, as_input, check_room
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+
+T = TypeVar("T")
+
+InstructionSet = Literal["scalar", "neon", "avx2", "avx512"]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What a batch of simulations returned; a member that failed keeps its place.
+
+    Attributes:
+        time: times of the rows, s, shape (rows,) or (members, rows); NaN where a member has no row.
+        lengths: m, shape (members, rows, 3n); NaN from a member's failure on.
+        velocities: m/s, shape (members, rows, 3n), or None.
+        head_positions: origins of the heads in the base frame, m, shape (members, rows, n, 3), or None.
+        head_orientations: of the heads in the base frame, unit quaternions (w, x, y, z), w >= 0, shape (members,
+            rows, n, 4), or None.
+        failures: for each member None or the error that ended it (a :class:`bha.SimulationError` knows the time).
+        statistics: steps, rejected steps and evaluations of each member, shape (members, 3).
+    """
+
+    time: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    velocities: NDArray[np.float64] | None
+    head_positions: NDArray[np.float64] | None
+    failures: tuple[BhaError | None, ...]
+    statistics: NDArray[np.uint64]
+    head_orientations: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        """Number of members."""
+        return len(self.failures)
+
+    def __repr__(self) -> str:
+        """Members, failures, rows and sections in one line."""
+        failed = sum(failure is not None for failure in self.failures)
+        sections = self.lengths.shape[-1] // 3
+        return f"<Batch: {len(self)} members, {failed} failed, {self.time.shape[-1]} rows, {sections} sections>"
+
+    @property
+    def succeeded(self) -> NDArray[np.bool_]:
+        """Which members reached their last row, shape (members,)."""
+        return np.array([failure is None for failure in self.failures], dtype=np.bool_)
+
+
+def simulate_batch(
+    arms: Arm | Sequence[Arm],
+    inputs: Input | Log | Recording | Sequence[Input | Log | Recording],
+    x0: ArrayLike | None = None,
+    *,
+    times: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    method: Method = "auto",
+    step: float = 1e-3,
+    rtol: float = 1e-6,
+    atol: float = 1e-8,
+    max_steps: int | None = None,
+    interpolation: Interpolation | None = None,
+    shared_steps: bool = False,
+    velocities: bool = True,
+    head_positions: bool = False,
+    head_orientations: bool = False,
+    measured: bool = False,
+    threads: int | None = None,
+    instruction_set: InstructionSet | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Batch:
+    """Simulate many arms, inputs, initial states or windows of a log, over all cores.
+
+    ``arms``, ``inputs``, ``x0``, ``start`` and ``times`` are each one for all members or one a member; the longest says
+    how many members there are. A member may be a window: its own start, initial state and output times. The result does
+    not depend on ``threads``. Members with the same output times after their start are computed abreast,
+    in the lanes of the processor's vector registers. With a fixed step they agree with single simulations to rounding
+    (1e-12). With an adaptive method members abreast take steps together, controlled by the one with the greatest error:
+    they agree with single simulations to the tolerance. ``dopri5`` by name is run one by one, as alone.
+
+    Differences between members, as for a Jacobian, need ``shared_steps``: then all members that can be abreast, however
+    many, take the steps that the first of them takes alone, and no choice of steps shows in a difference. The error is
+    controlled for the first, so the others should be close to it.
+
+    Args:
+        arms: the arms; all need the same number of sections and of inputs.
+        inputs: what drives them; a :class:`bha.Log` stands for its pressures and external forces. Give the same object
+            again, not a copy, where members share an input.
+        x0: initial lengths and rates, shape (6n,) or (members, 6n), m and m/s; at rest under the pressures at the start
+            if None.
+        times: times of the rows, s, on the clock of the input, shape (rows,) or (members, rows), ascending; NaN at a
+            row's end where a member has fewer. The samples of the first input from the start on if None.
+        start: when the members start, s, a number or (members,); the first sample of the input if None.
+        method: as in :class:`bha.Options`; ``"auto"`` chooses one for all members, the implicit one if an arm is stiff.
+        step: longest step of ``rk4`` and ``ros2``, s.
+        rtol: relative tolerance of adaptive methods.
+        atol: absolute tolerance of adaptive methods, m and m/s.
+        max_steps: most steps of a member; None is no limit.
+        interpolation: what holds between two samples, ``"linear"`` or ``"hold"``, in place of what the inputs say.
+        shared_steps: whether members take the steps of the first, see above.
+        velocities: whether to return the rates.
+        head_positions: whether to return the heads' positions.
+        head_orientations: whether to return the heads' orientations.
+        measured: whether lengths and heads are to be those that the sensors have, where effects of an arm act on
+            sensors (delay, offset, gain), in place of the true ones.
+        threads: how many threads; as many as there are cores if None.
+        instruction_set: what computes members abreast: ``"scalar"`` (one after the other), ``"neon"``, ``"avx2"`` (4)
+            or ``"avx512"`` (8); the widest one of this processor if None.
+        progress: called about 20 times a second with the fraction of members done.
+
+    Returns:
+        The members' rows, NaN and a status for those that failed.
+
+    Raises:
+        InputError: arguments that do not fit together or are not allowed. Failures of single members raise nothing.
+    """
+    arm_list = [arms] if not isinstance(arms, Sequence) else list(arms)
+    input_list = list(inputs) if isinstance(inputs, Sequence) else [inputs]
+    if not arm_list or not input_list:
+        raise InputError("arms and inputs: at least one of each is needed")
+    state = None if x0 is None else floats(x0, "x0", (None,), (None, None))
+    starts = None if start is None else floats(start, "start", (), (None,))
+    rows = None if times is None else floats(times, "times", (None,), (None, None), finite=False)
+    sizes = {"arms": len(arm_list), "inputs": len(input_list)}
+    for name, array, single in (("x0", state, 1), ("start", starts, 0), ("times", rows, 1)):
+        if array is not None:
+            sizes[name] = len(array) if array.ndim > single else 1
+    count = max(sizes.values())
+    wrong = {name: size for name, size in sizes.items() if size not in (1, count)}
+    if wrong:
+        found = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        raise InputError(f"the numbers of members differ: {found}; each must be 1 or the greatest of them")
+
+    arm_index, unique_arms = _unique(arm_list, count)
+    input_index, drives = _drives(arm_list, input_list, count)
+    arm_index, unique_arms = _without_pneumatics(arm_index, unique_arms, [drives[k].commanded for k in input_index])
+    if starts is None:
+        starts = np.array([_first(drives[index]) for index in input_index])
+    starts = np.broadcast_to(starts, (count,))
+    if rows is None:
+        sample_times = floats(drives[0].time, "time", (None,))
+        rows = sample_times[sample_times >= starts[0]]
+    time_sets = [_without_padding(row) for row in np.atleast_2d(rows)]
+    if state is not None:
+        state = np.ascontiguousarray(np.broadcast_to(state, (count, state.shape[-1])))
+
+    options = Options(method, step, rtol, atol, max_steps=max_steps, interpolation=interpolation)
+    each = 3 * (1 + velocities + head_positions) + 4 * head_orientations
+    columns = unique_arms[0].section_count * each
+    check_room(float(count) * max(map(len, time_sets)), 8 * columns, "rows of members; fewer at a time are needed.")
+
+    lengths, rates, heads, orientations, failures, statistics = _core.simulate_batch(
+        unique_arms,
+        [(d.time, d.pressures, d.force_rows) for d in drives],
+        time_sets,
+        [(arm_index[k], input_index[k], k if len(time_sets) > 1 else 0) for k in range(count)],
+        starts,
+        state,
+        interpolation=[interpolation or d.interpolation for d in drives],
+        method=options.method,
+        step=options.step,
+        rtol=options.rtol,
+        atol=options.atol,
+        max_steps=options.max_steps,
+        velocities=velocities,
+        head_positions=head_positions,
+        head_orientations=head_orientations,
+        measured=measured,
+        shared_steps=shared_steps,
+        threads=_thread_count(threads),
+        instruction_set=instruction_set,
+        progress=progress,
+    )
+    return Batch(
+        time=rows[..., : lengths.shape[1]],
+        lengths=lengths,
+        velocities=rates,
+        head_positions=None if heads is None else heads.reshape(*heads.shape[:2], -1, 3),
+        failures=tuple(failures),
+        statistics=statistics,
+        head_orientations=None if orientations is None else orientations.reshape(*orientations.shape[:2], -1, 4),
+    )
+
+
+def _drives(arms: list[Arm], inputs: list[Input | Log | Recording], count: int) -> tuple[list[int], list[Input]]:
+    """For each member the index of its drive, and the drives: one of a log for each ambient pressure of its arms."""
+    found: dict[tuple[int, float], int] = {}
+    index: list[int] = []
+    drives: list[Input] = []
+    for k in range(count):
+        arm, given = arms[k % len(arms)], inputs[k % len(inputs)]
+        ambient = arm.parameters.ambient_pressure if isinstance(given, Log) else 0.0
+        if (id(given), ambient) not in found:
+            found[id(given), ambient] = len(drives)
+            drives.append(as_input(arm, given))
+        index.append(found[id(given), ambient])
+    return index, drives
+
+
+def _unique(items: list[T], count: int) -> tuple[list[int], list[T]]:
+    """For each of ``count`` members the index of its item, and the items, each object once."""
+    found: dict[int, int] = {}
+    unique: list[T] = []
+    for item in items:
+        if id(item) not in found:
+            found[id(item)] = len(unique)
+            unique.append(item)
+    index = [found[id(item)] for item in items]
+    return (index if len(index) == count else index * count), unique
+
+
+def _without_pneumatics(index: list[int], arms: list[Arm], commanded: list[bool]) -> tuple[list[int], list[Arm]]:
+    """Members under measured pressures: those stand in the chambers already, so their arms go without pneumatics."""
+    index, arms, ideal = list(index), list(arms), dict[int, int]()
+    for member, arm in enumerate(index):
+        if commanded[member] or arms[arm].pneumatics_level == "ideal":
+            continue
+        if arm not in ideal:
+            ideal[arm] = len(arms)
+            arms.append(arms[arm].with_changes(pneumatics="ideal"))
+        index[member] = ideal[arm]
+    return index, arms
+
+
+def _first(drive: Input) -> float:
+    if len(drive.time) == 0:
+        raise InputError("an input has no samples; at least one is needed")
+    return float(drive.time[0])
+
+
+def _without_padding(row: NDArray[np.float64]) -> NDArray[np.float64]:
+    missing = np.isnan(row)
+    end = int(np.argmax(missing)) if missing.any() else len(row)
+    if not missing[end:].all():
+        raise InputError("times: NaN is allowed at a row's end only")
+    return np.ascontiguousarray(row[:end])
+
+
+def _thread_count(threads: int | None) -> int:
+    if threads is None:
+        return 0
+    if threads < 1:
+        raise InputError(f"threads: {threads}; at least 1 is needed")
+    return threads

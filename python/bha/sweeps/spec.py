@@ -1,0 +1,268 @@
+"""The file that says what a sweep is: TOML, schema ``bha-sweep/1``, checked like a parameter file.
+
+Relative paths in it start at its own folder.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from bha.errors import ParameterError
+from bha.parameters import messages
+from bha.parameters.base import NotNegative, Number, Positive, Switch, Table, key, nearest, table_error
+from bha.recordings import PressureSort
+from bha.runs.simulation import Interpolation, Method
+from bha.simulation.batch import InstructionSet
+from bha.sweeps.draws import check_variable, levels
+from bha.sweeps.metrics import METRICS
+
+SCHEMA = "bha-sweep/1"
+#: Partitions begin and end at multiples of this many runs, so that what is simulated in one call never depends on them.
+GROUP = 64
+#: A partition is in memory as a whole.
+LARGEST_PARTITION = 1 << 20
+
+Count = Annotated[int, Field(strict=True, ge=1, le=10**12)]
+Distribution = Literal["uniform", "log_uniform", "normal", "log_normal", "choice"]
+Spacing = Literal["linear", "log"]
+
+
+class Variable(Table):
+    """A ``[[vary]]`` table: one thing that differs from run to run."""
+
+    what: str = key("the path of a parameter, or input..., initial... as in docs/sweeps.md", strict=True, min_length=1)
+    distribution: Distribution | None = key(
+        '"uniform", "log_uniform", "normal", "log_normal" or "choice"; not in a grid', default=None
+    )
+    low: Number | None = key("a number below high; > 0 where logarithms are taken", default=None)
+    high: Number | None = key("a number above low", default=None)
+    mean: Number | None = key('a number, with distribution "normal"', default=None)
+    standard_deviation: Positive | None = key('a number > 0, with distribution "normal"', default=None)
+    median: Positive | None = key('a number > 0, with distribution "log_normal"', default=None)
+    log_standard_deviation: Positive | None = key(
+        'a number > 0, that of the natural logarithm, with distribution "log_normal"', default=None
+    )
+    values: tuple[Number | Annotated[str, Field(strict=True)], ...] | None = key(
+        'a list of numbers, or for input.log of names of logs; with distribution "choice", or in a grid',
+        default=None,
+        min_length=1,
+    )
+    weights: tuple[NotNegative, ...] | None = key(
+        "a list of numbers >= 0, one for each of values, not all zero", default=None
+    )
+    count: Count | None = key("a whole number >= 1: how many values from low to high, in a grid", default=None)
+    spacing: Spacing | None = key('"linear" or "log", in a grid with low and high; left out: linear', default=None)
+    relative: Switch = key("true or false: whether the numbers are factors of the file's value", default=False)
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it chooses among names instead of numbers."""
+        return self.what == "input.log"
+
+
+class InputTable(Table):
+    """The ``[input]`` table: what drives the arm."""
+
+    logs: tuple[Annotated[str, Field(strict=True)], ...] | None = key(
+        "a list of log files, each once; give logs or pressures", default=None, min_length=1
+    )
+    pressures: tuple[NotNegative, ...] | None = key(
+        "a list of numbers >= 0 (Pa, absolute), one an input, constant", unit="Pa", default=None, min_length=1
+    )
+    log_pressures: PressureSort | None = key(
+        '"measured" or "commanded": which pressures of the logs drive the arm; if left out measured ones where there '
+        "are any",
+        default=None,
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if (self.logs is None) == (self.pressures is None):
+            found = "neither" if self.logs is None else "both"
+            raise table_error(f"found {found} of logs and pressures; allowed: exactly one of them")
+        if self.logs is not None and len(set(self.logs)) < len(self.logs):
+            raise table_error(f"found {list(self.logs)}; allowed: each log once", "logs")
+        if self.logs is None and self.log_pressures is not None:
+            raise table_error(f'found "{self.log_pressures}"; allowed: only with logs', "log_pressures")
+        return self
+
+
+class InitialTable(Table):
+    """The ``[initial]`` table: where every run starts; at rest under its first pressures if left out."""
+
+    pressures: tuple[NotNegative, ...] | None = key(
+        "a list of numbers >= 0 (Pa, absolute), one an input: at rest under these",
+        unit="Pa",
+        default=None,
+        min_length=1,
+    )
+    lengths: tuple[Positive, ...] | None = key(
+        "a list of numbers > 0 (m), three a section", unit="m", default=None, min_length=3
+    )
+    velocities: tuple[Number, ...] | None = key(
+        "a list of numbers (m/s), three a section; left out: 0", unit="m/s", default=None, min_length=3
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.pressures is not None and self.lengths is not None:
+            raise table_error("found both pressures and lengths; allowed: at most one of them")
+        return self
+
+
+class SimulationTable(Table):
+    """The ``[simulation]`` table: how long and how exactly."""
+
+    duration: Positive | None = key("a number > 0 (s); left out: the whole log", unit="s", default=None)
+    dt: Positive = key("a number > 0 (s): distance of the rows that metrics see", unit="s", default=0.005)
+    method: Method = key('"auto", "dopri5", "rodas4", "rk4" or "ros2"', default="auto")
+    step: Positive = key("a number > 0 (s): longest step of rk4 and ros2", unit="s", default=1e-3)
+    rtol: Positive = key("a number > 0: relative tolerance of dopri5 and rodas4", default=1e-6)
+    atol: Positive = key("a number > 0 (m and m/s): absolute tolerance of dopri5 and rodas4", default=1e-8)
+    max_steps: Count = key("a whole number >= 1: a run that needs more steps has diverged", default=1_000_000)
+    interpolation: Interpolation | None = key('"linear" or "hold"; left out: as the input says', default=None)
+    instruction_set: InstructionSet | None = key(
+        ", ".join(f'"{name}"' for name in get_args(InstructionSet))
+        + "; left out: the widest one of the computer that starts the sweep",
+        default=None,
+    )
+
+
+class SweepSpec(Table):
+    """What a sweep file says. Read one with :meth:`read` or make one with :meth:`from_mapping`."""
+
+    schema_name: Literal["bha-sweep/1"] = key(f'"{SCHEMA}"', alias="schema")
+    arm: str = key("a parameter file, or the name of an arm that ships with the package", strict=True, min_length=1)
+    kind: Literal["monte_carlo", "grid"] = key('"monte_carlo" or "grid"')
+    runs: Count | None = key('a whole number >= 1, with kind "monte_carlo"', default=None)
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = key("a whole number from 0 to 2^63 - 1", default=0)
+    partition_size: Annotated[int, Field(strict=True, ge=1, le=LARGEST_PARTITION)] = key(
+        f"a multiple of {GROUP}, at most {LARGEST_PARTITION}: runs a file", default=1024
+    )
+    metrics: tuple[str, ...] = key(
+        "a list of " + ", ".join(f'"{name}"' for name in METRICS),
+        default=("final_tip_displacement", "max_tip_displacement", "settling_time", "peak_rate"),
+        min_length=1,
+    )
+    settling_band: Annotated[Number, Field(gt=0, lt=1)] = key(
+        "a number between 0 and 1: band of settling_time, as a share of the largest distance from the end", default=0.05
+    )
+    input: InputTable = key("an [input] table")
+    initial: InitialTable = key("an [initial] table", default=InitialTable())
+    simulation: SimulationTable = key("a [simulation] table", default=SimulationTable())
+    variables: tuple[Variable, ...] = key(
+        "[[vary]] tables, in double brackets, one for each thing that varies", alias="vary", min_length=1
+    )
+
+    # Where it was read from, for errors that are found later, and what relative paths start from.
+    _origin: str = PrivateAttr(default="<mapping>")
+    _text: str | None = PrivateAttr(default=None)
+    _folder: Path = PrivateAttr(default_factory=Path)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.partition_size % GROUP:
+            raise table_error(f"found {self.partition_size}; allowed: a multiple of {GROUP}", "partition_size")
+        for number, name in enumerate(self.metrics):
+            if name not in METRICS:
+                raise table_error(f'found "{name}"{nearest(name, list(METRICS))}', "metrics")
+            if name in self.metrics[:number]:
+                raise table_error(f'found "{name}" twice; allowed: each once', "metrics")
+        if self.input.logs is None and self.simulation.duration is None:
+            raise table_error("duration: missing; needed with [input] pressures", "simulation")
+        self._check_variables()
+        return self
+
+    def _check_variables(self) -> None:
+        if self.kind == "monte_carlo" and self.runs is None:
+            raise table_error('missing; allowed: a whole number >= 1, with kind "monte_carlo"', "runs")
+        for name in ("runs", "seed") if self.kind == "grid" else ():
+            if name in self.model_fields_set:
+                raise table_error("a grid has one run for each combination and draws nothing; remove it", name)
+        for number, variable in enumerate(self.variables):
+            if fault := check_variable(variable, self.kind):
+                raise table_error(fault[1], f"vary.{number}.{fault[0]}")
+            if any(variable.what == other.what for other in self.variables[:number]):
+                raise table_error(f'found "{variable.what}" twice; allowed: each once', f"vary.{number}.what")
+        if self.run_count > 10**12:
+            raise table_error(f"found {self.run_count} combinations; allowed: at most 10^12", "vary")
+
+    @property
+    def run_count(self) -> int:
+        """Number of runs."""
+        if self.kind == "monte_carlo":
+            assert self.runs is not None
+            return self.runs
+        count = 1
+        for variable in self.variables:
+            count *= len(self.input.logs or ()) if variable.values is None and variable.is_text else levels(variable)
+        return count
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a sweep file.
+
+        Raises:
+            ParameterError: the file is missing, not TOML or not valid; each fault with file, line, key, found, allowed.
+        """
+        origin = os.fspath(path)
+        try:
+            text = Path(path).read_bytes().decode()
+        except OSError as error:
+            raise ParameterError(messages.unreadable(path, error, "sweep file")) from error
+        except UnicodeDecodeError as error:
+            raise ParameterError(f"{origin}: not a TOML file: byte {error.start} is not UTF-8 text") from error
+        text = text.removeprefix("\ufeff").replace("\r\n", "\n")
+        try:
+            mapping = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:  # a whole number of 5000 digits is a ValueError too
+            raise ParameterError(messages.not_toml(origin, text, error)) from error
+        return cls.from_mapping(mapping, origin=origin, text=text, folder=Path(path).parent)
+
+    @classmethod
+    def from_mapping(
+        cls,
+        mapping: Mapping[str, Any],
+        *,
+        origin: str = "<mapping>",
+        text: str | None = None,
+        folder: str | os.PathLike[str] = ".",
+    ) -> Self:
+        """Build from the nested mapping that a sweep file amounts to.
+
+        Args:
+            mapping: keys as in the file.
+            origin: what errors name as the file.
+            text: the file's text, so that errors can name lines.
+            folder: where relative paths start.
+
+        Raises:
+            ParameterError: as :meth:`read`.
+        """
+        if mapping.get("schema") != SCHEMA:
+            raise ParameterError(messages.wrong_schema(origin, mapping, SCHEMA, "a sweep file"))
+        try:
+            spec = cls.model_validate(mapping)
+        except ValidationError as error:
+            raise ParameterError(messages.invalid(origin, error, cls, mapping, text)) from error
+        spec._origin, spec._text, spec._folder = origin, text, Path(folder)
+        return spec
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths start."""
+        return self._folder
+
+    def fault(self, location: tuple[str | int, ...], message: str) -> ParameterError:
+        """An error at a key of the file, found after reading: ``("vary", 0, "what")``."""
+        return ParameterError(messages.at(self._origin, self._text, location, message))
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Everything it says, defaults filled in."""
+        return self.model_dump(mode="json", by_alias=True)

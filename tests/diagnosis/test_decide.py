@@ -1,0 +1,48 @@
+"""When an error is a gap."""
+
+import numpy as np
+import pytest
+
+from bha.checkup.finding import Explanation, Finding
+from bha.diagnosis.decide import Limits, Verdict, is_significant, without_faults
+
+
+@pytest.mark.parametrize(
+    ("mean_square", "limit", "ratio", "training", "expected"),
+    [
+        (1.0, 1.1, 1.0, 1.0, False),
+        (3.0, 1.1, 1.7, 1.0, True),
+        # More than noise by statistics, and not worth a name.
+        (1.2, 1.1, 1.05, 1.0, False),
+        # Held-out logs that ask for what the training logs do not tell.
+        (30.0, 50.0, 5.0, 1.1, False),
+        # The same, but the training logs are not described either.
+        (30.0, 5e4, 5.0, 400.0, True),
+        (np.inf, 1.1, np.inf, 1.0, True),
+    ],
+)
+def test_uncertain_parameters_excuse_errors_on_held_out_logs_only(
+    mean_square: float, limit: float, ratio: float, training: float, expected: bool
+) -> None:
+    assert is_significant(mean_square, limit, ratio, training, Limits()) is expected
+
+
+@pytest.mark.parametrize("verdict", ["named", "unknown", "no_gap"])
+def test_what_a_check_found_is_said_with_the_verdict(verdict: str) -> None:
+    fault = Finding(
+        "fault", "wiring", "log", "section 1 does not bend as its chambers push by the file",
+        explanations=(Explanation("tubes exchanged: p12 and p13", "rename"),),
+    )  # fmt: skip
+    given = Verdict(verdict, "the search's own reason", 0.5)
+    assert without_faults(given, []) is given
+    made = without_faults(given, [fault])
+    if verdict == "no_gap":
+        assert made is given
+        return
+    assert made.verdict == "unknown"
+    assert made.reason.startswith("logs and file do not belong together")
+    assert (
+        "together: log: section 1 does not bend as its chambers push by the file (tubes exchanged: p12 and p13)"
+        in made.reason
+    )
+    assert ("the search's own reason" in made.reason) == (verdict == "unknown")

@@ -1,0 +1,66 @@
+"""Simulations for a diagnosis: a step that is too coarse for a stiffer arm is made finer."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.model import plain_model
+from bha.diagnosis.records import Record, prepare
+from bha.diagnosis.steps import resolved
+from bha.recordings import Recording
+
+from .synthetic import make_logs, one_section
+
+ARM = one_section()
+
+
+def stiff_job() -> tuple[Job, Record]:
+    """The arm with a quadratic damping that 5 ms cannot hold."""
+    (log,) = make_logs(ARM, [], durations=(2.0,))
+    record = prepare(Recording(ARM, log, warn=False))
+    core = plain_model(ARM).core | {
+        "effect": [{"kind": "quadratic_damping", "where": "all", "parameters": {"damping": 300.0}}]
+    }
+    state = np.concatenate([record.outputs[0], np.zeros(3)])
+    return Job(json.dumps(core), record, state), record
+
+
+def test_runs_that_the_step_cannot_hold_are_repeated_with_a_finer_one() -> None:
+    stiff, record = stiff_job()
+    plain = Job(json.dumps(plain_model(ARM).core), record, stiff.state)
+    step = 0.005
+    together = Engine(step, 1).run([plain, stiff])
+    assert all(np.all(np.isfinite(y)) for y in together)
+    # Both of the log at the finer step, so that differences between them have no error of the step in them.
+    finer = Engine(step / 2, 1).run([plain, stiff])
+    for a, b in zip(together, finer, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(Engine(step, 1).run([plain])[0], finer[0])
+
+
+def test_parameters_without_a_model_give_nan_and_leave_the_others_alone() -> None:
+    stiff, record = stiff_job()
+    core = json.loads(stiff.arm)
+    core["section"][0]["mass"] = -1.0
+    found, wrong = Engine(0.0025, 1).run([stiff, Job(json.dumps(core), record, stiff.state)])
+    assert np.all(np.isfinite(found))
+    assert np.all(np.isnan(wrong))
+
+
+def test_a_model_stiffer_than_the_file_asks_for_finer_steps() -> None:
+    stiff, record = stiff_job()
+    model, engine = plain_model(ARM), Engine(0.005, 1, coarse=0.01)
+    x = np.array([np.log(15.0) / c.spread if c.path[0] == "damping" else 0.0 for c in model.coordinates])
+    runs = [Job(model.arm(x), record, stiff.state)]
+    # Repeated until they stay finite, its runs would not show that the step is too long.
+    assert np.all(np.isfinite(engine.run(runs)[0]))
+    assert not np.all(np.isfinite(engine.once().run(runs)[0]))
+    found = resolved(engine, [record], model, x, [stiff.state], 1.0)
+    assert found.finer > 1
+    finer = [Job(model.arm(x), record, stiff.state, finer=found.finer)]
+    assert np.all(np.isfinite(engine.once().run(finer)[0]))
+    assert np.all(np.isfinite(engine.run(finer, coarse=True)[0]))
+    assert resolved(engine, [record], model, np.zeros(model.size), [stiff.state], 1.0).finer == 1

@@ -1,0 +1,76 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bha.diagnosis import noise
+from bha.diagnosis.records import Record
+
+from .synthetic import record_of
+
+
+def record(outputs: np.ndarray, sample_time: float, deviation: float) -> Record:
+    time = np.arange(len(outputs)) * sample_time
+    return record_of(time, outputs, np.zeros((len(outputs), 3)), deviation)
+
+
+def test_white_rows_have_variance_one_where_noise_is_white_and_shaped() -> None:
+    rng = np.random.default_rng(5)
+    rows, sample_time = 4000, 0.01
+
+    def shaped() -> np.ndarray:
+        drive = rng.standard_normal(rows)
+        slow = np.empty(rows)
+        slow[0] = drive[0]
+        for k in range(1, rows):
+            slow[k] = 0.9 * slow[k - 1] + np.sqrt(1 - 0.81) * drive[k]
+        return np.outer(slow, [1.0, -0.5, 0.3]) * 3e-4
+
+    measured = record(2e-4 * rng.standard_normal((rows, 3)) + shaped(), sample_time, 2e-4)
+    model = noise.noise_model([measured], [[shaped() for _ in range(6)]])
+    white = noise.Whitener(measured, model)(measured.outputs)
+    assert np.mean(white**2) == pytest.approx(1.0, abs=0.06)
+    correlation = np.mean(white[1:] * white[:-1])
+    assert abs(correlation) < 0.05
+    assert abs(np.mean(white[:, 0] * white[:, 1])) < 0.05
+    assert np.sqrt(np.mean(measured.outputs**2)) == pytest.approx(np.sqrt(np.mean(model.floor**2)), rel=0.1)
+
+
+def test_whitening_is_linear_and_drops_what_lies_above_the_band() -> None:
+    rng = np.random.default_rng(6)
+    measured = record(1e-4 * rng.standard_normal((2000, 2)), 5e-3, 1e-4)
+    white = noise.Whitener(measured, noise.noise_model([measured], [[]]))
+    a, b = rng.standard_normal((2, 2000, 2))
+    np.testing.assert_allclose(white(a + 2 * b), white(a) + 2 * white(b), atol=1e-6)
+    time = measured.time[:, None]
+    fast = np.sin(2 * np.pi * 70.0 * time) * np.ones((1, 2))
+    slow = np.sin(2 * np.pi * 2.0 * time) * np.ones((1, 2))
+    assert np.sum(white(fast) ** 2) < 1e-3 * np.sum(white(slow) ** 2)
+
+
+def test_a_masked_row_counts_for_nothing() -> None:
+    rng = np.random.default_rng(7)
+    measured = record(1e-4 * rng.standard_normal((500, 1)), 0.01, 1e-4)
+    good = measured.good.copy()
+    good[100:200] = False
+    masked = replace(measured, good=good)
+    white = noise.Whitener(masked, noise.noise_model([measured], [[]]))
+    spoilt = measured.outputs.copy()
+    spoilt[100:200] += 1.0
+    np.testing.assert_allclose(white(spoilt), white(measured.outputs), atol=1e-9)
+
+
+@pytest.mark.parametrize(("share", "time"), [(0.0, 0.0), (0.5, 0.03)])
+def test_coloured_noise_is_told_from_white(share: float, time: float) -> None:
+    rng = np.random.default_rng(8)
+    frequency = np.linspace(15.0, 94.0, 59)
+    truth = noise.SensorNoise(1.0, share, time)
+    # Averages over some hundred coefficients each.
+    spectra = truth.density(frequency, 5e-3) * rng.chisquare(400, len(frequency)) / 400
+    found = noise.sensor_noise(spectra, 400.0 * len(frequency), frequency, 5e-3, 1.0)
+    if share == 0.0:
+        assert found.share == 0.0
+    else:
+        assert found.share == pytest.approx(share, abs=0.15)
+        assert found.deviation == pytest.approx(1.0, abs=0.15)
+        assert found.time == pytest.approx(time, rel=0.5)

@@ -1,0 +1,76 @@
+"""What happens to logs and springs before any fit: filters, rows that are left out, numbers that stay plausible."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from bha.diagnosis import baseline, holdout, model, smoothing
+
+from .synthetic import one_section, record_of
+
+SAMPLE_TIME = 5e-3
+
+
+def test_thinning_leaves_out_the_ends_and_keeps_a_fast_motion_where_it_was() -> None:
+    time = np.arange(1000) * SAMPLE_TIME
+    motion = 0.02 * np.sin(2.0 * np.pi * 4.0 * time + 0.7)[:, None]
+    thinned = baseline.thin(record_of(time, motion, np.zeros((1000, 1))), 2)
+    assert thinned.output_time[0] > 0.0
+    assert thinned.output_time[-1] < time[-1]
+    expected = 0.02 * np.sin(2.0 * np.pi * 4.0 * thinned.output_time + 0.7)
+    np.testing.assert_allclose(thinned.outputs[:, 0], expected, atol=2e-5)
+
+
+def test_pressures_lose_their_noise_and_keep_what_a_chamber_does() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(4000) * SAMPLE_TIME
+    true = 1.2e5 + 2e4 * np.sin(2.0 * np.pi * 2.0 * time)[:, None]
+    noisy = true + 200.0 * rng.standard_normal(true.shape)
+    (smooth,) = smoothing.smoothed([record_of(time, np.zeros_like(true), noisy, pressure_noise=200.0)])
+    assert smooth.pressure_taps is not None
+    assert np.std(smooth.pressures - true) < 0.5 * 200.0
+    middle = slice(100, -100)
+    wave = np.sin(2.0 * np.pi * 2.0 * time[middle])
+    gain = 2.0 * np.mean(smooth.pressures[middle, 0] * wave) / 2e4
+    assert gain == pytest.approx(1.0, abs=0.01)
+
+
+def test_noise_free_commands_in_steps_stay_as_they_are() -> None:
+    time = np.arange(1000) * SAMPLE_TIME
+    steps = np.repeat(np.arange(10.0), 100)[:, None] * 1e4
+    (same,) = smoothing.smoothed([record_of(time, np.zeros_like(steps), steps)])
+    assert same.pressure_taps is None
+    np.testing.assert_array_equal(same.pressures, steps)
+
+
+def test_one_tangent_stiffness_changes_and_the_others_stay() -> None:
+    plain = model.plain_model(one_section())
+    number = [c.name for c in plain.coordinates].index("section 1 tangent stiffness at +80 mm")
+    x = np.zeros(plain.size)
+    x[number] = 1.0
+    elongations = model.stiffness_elongations(0.10, 0.30, 0.15)
+    before, after = (plain.description(v)["section"][0]["bellows"][0]["stiffness"] for v in (np.zeros(plain.size), x))
+    changed = [model.tangent_stiffness(after, e) / model.tangent_stiffness(before, e) for e in elongations]
+    expected = np.ones(4)
+    expected[elongations.index(min(elongations, key=lambda e: abs(e - 0.08)))] = np.exp(0.3)
+    np.testing.assert_allclose(changed, expected, rtol=1e-9)
+    # At x = 0 the arm is that of the file.
+    assert json.loads(plain.arm(np.zeros(plain.size)))["section"][0]["bellows"][0]["stiffness"][:3] == pytest.approx(
+        plain.core["section"][0]["bellows"][0]["stiffness"]
+    )
+
+
+def test_blocks_after_a_model_ran_away_compare_nothing() -> None:
+    def prediction(blocks: list[float]) -> holdout.Prediction:
+        return holdout.Prediction((), (), np.empty(0), np.array(blocks), 0.0, ())
+
+    right = prediction([1.0] * 8 + [np.nan] * 2)
+    wrong = prediction([4.0] * 10)
+    assert holdout.better(wrong, right) == pytest.approx(2.0**-8)
+    assert holdout.excesses(wrong, right) == pytest.approx([3.0, 0.0])
+    lost = prediction([1.0] + [np.nan] * 9)
+    assert holdout.better(wrong, lost) == 1.0
+    assert lost.mean_square == np.inf

@@ -1,0 +1,81 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bha.diagnosis.result import Diagnosis
+from bha.errors import InputError
+
+EXAMPLE: dict[str, Any] = {
+    "schema": "bha-diagnosis/1",
+    "verdict": "named",
+    "reason": "99 % of the excess error on held-out logs is removed",
+    "effects": [
+        {
+            "kind": "creep",
+            "where": "bellows 32",
+            "parameters": {"tau": {"value": 0.1, "unit": "s", "ci95": [0.09, 0.11]}},
+            "confidence": 0.99,
+            "confusable_with": [],
+        }
+    ],
+    "gap": {
+        "metric": "rms",
+        "unit": "m",
+        "noise": 2e-4,
+        "before": 4e-3,
+        "after": 2.2e-4,
+        "holdout": ["a.csv"],
+        "significant": True,
+    },
+    "where": {},
+    "candidates": [{"kind": "creep", "where": "bellows 32", "score": 0.9, "holdout": 2.2e-4}],
+    "residual": {},
+    "excitation": {},
+    "plain": {},
+    "logs": [],
+}
+
+
+def test_the_form_that_others_read_is_kept(tmp_path: Path) -> None:
+    found = Diagnosis.model_validate(EXAMPLE)
+    found.write(tmp_path / "diagnosis.json")
+    data = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    assert data["verdict"] == "named"
+    assert data["effects"][0]["parameters"]["tau"] == {
+        "value": 0.1,
+        "unit": "s",
+        "ci95": [0.09, 0.11],
+        "at_bound": False,
+    }
+    assert {k: data["gap"][k] for k in ("metric", "unit", "noise", "before", "after", "holdout")} == {
+        k: EXAMPLE["gap"][k] for k in ("metric", "unit", "noise", "before", "after", "holdout")
+    }
+    assert set(data) >= {"verdict", "effects", "gap", "where", "candidates", "residual"}
+    assert Diagnosis.read(tmp_path / "diagnosis.json") == found
+
+
+def test_a_diagnosis_in_a_line() -> None:
+    found = Diagnosis.model_validate(EXAMPLE)
+    gap, effect = found.gap, found.effects[0]
+    errors = f"{1e3 * gap.before:.3g} mm before, {1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm"
+    assert repr(found) == str(found) == f"Diagnosis(named: {effect.kind} at {effect.where}; {errors})"
+    none = found.model_copy(update={"verdict": "no_gap", "effects": [], "complete": False})
+    assert repr(none) == f"Diagnosis(no_gap; {errors}, interrupted)"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"verdict": "perhaps"}, {"surprise": 1}, {"gap": {**EXAMPLE["gap"], "after": float("nan")}}],
+    ids=["verdict", "key", "nan"],
+)
+def test_what_does_not_fit_the_schema_is_refused(change: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="validation error"):
+        Diagnosis.model_validate({**EXAMPLE, **change})
+
+
+def test_a_file_that_is_no_diagnosis_is_an_input_error(tmp_path: Path) -> None:
+    (tmp_path / "x.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(InputError, match="not a diagnosis"):
+        Diagnosis.read(tmp_path / "x.json")

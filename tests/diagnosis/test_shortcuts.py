@@ -1,0 +1,40 @@
+"""Probes without effects in the core give what the core's effects give."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bha
+from bha.diagnosis.records import prepare
+from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
+from bha.recordings import Recording
+
+from .synthetic import make_logs, one_section
+
+CASES: list[tuple[str, dict[str, float]]] = [
+    ("pressure_lag", {"fill": 0.05, "vent": 0.15}),
+    ("delay", {"time": 0.02}),
+    ("valve_dead_band", {"band": 1500.0}),
+    ("pressure_offset", {"offset": 700.0}),
+    ("pressure_gain", {"gain": 0.04}),
+]
+
+
+@pytest.mark.parametrize(("kind", "numbers"), CASES, ids=[kind for kind, _ in CASES])
+def test_changed_inputs_act_as_the_effect_does(kind: str, numbers: dict[str, Any]) -> None:
+    arm = one_section()
+    (log,) = make_logs(arm, [], durations=(3.0,), pressure_noise=0.0)
+    record = prepare(Recording(arm, log))
+    (changed,) = acting_pressures(record, [PressureProbe(kind, (1,), numbers)], 101325.0)
+    options = bha.Options(method="rk4", step=2.5e-3)
+    drive = bha.Input(record.time, record.pressures)
+    hidden = arm.with_effects([{"kind": kind, "where": "input p12", **numbers}])
+    effect = bha.simulate(hidden, drive, options=options)
+    shortcut = bha.simulate(arm, bha.Input(record.time, changed), options=options)
+    plain = bha.simulate(arm, drive, options=options)
+    size = np.abs(effect.lengths - plain.lengths).max()
+    assert size > 1e-4
+    assert np.abs(effect.lengths - shortcut.lengths).max() < 0.03 * size
