@@ -94,6 +94,8 @@ def _print(found: Diagnosis, out: Path) -> None:
         f"open-loop error on {', '.join(gap.holdout)}: {1e3 * gap.before:.3g} mm before, "
         f"{1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm"
     )
+    for text in found.setup:
+        say(text)
     for effect in found.effects:
         numbers = table("Number", "Value", "95 % interval", "Unit", title=f"{effect.kind} at {effect.where}")
         for name, number in effect.parameters.items():

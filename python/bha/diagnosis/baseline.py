@@ -61,6 +61,8 @@ WINDOW_ROWS, FEWEST_WINDOW_ROWS = 12, 8
 #: Factors on the file's damping from which the plain model of a stiff arm is fitted, and how far off it plausibly is:
 #: one standard deviation of its logarithm.
 STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
+#: Error over noise of a plain fit with a free camera from which the fit is tried from the file's camera too.
+CAMERA_MISFIT = 2.0
 #: Draws of pressure noise per log for the noise model.
 DRAWS = 3
 
@@ -182,23 +184,22 @@ def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | No
     return tuple(pieces) or None
 
 
-def disturbed_outputs(
-    engine: Engine, arm: str, records: Sequence[Record], states: Sequence[Array], base: Sequence[Array], seed: int
-) -> list[list[Array]]:
+def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]]:
     """What draws of pressure noise do to the outputs of each log."""
     rng = np.random.default_rng([seed, 71])
-    jobs = []
-    for record, state in zip(records, states, strict=True):
+    records, jobs = problem.records, []
+    for job in problem.jobs(fit.model, fit.x, fit.states):
+        record = job.record
         if not np.any(record.pressure_noise > 0.0):
             continue
         for _ in range(DRAWS):
             noise = record.pressure_noise * rng.standard_normal(record.pressures.shape)
             if record.pressure_taps is not None:
                 noise = filtered(noise, record.pressure_taps)
-            jobs.append(Job(arm, record, state, record.pressures + noise))
-    outputs = iter(engine.run(jobs))
+            jobs.append(replace(job, pressures=record.pressures + noise))
+    outputs = iter(problem.engine.run(jobs))
     result: list[list[Array]] = []
-    for record, y in zip(records, base, strict=True):
+    for record, y in zip(records, fit.outputs, strict=True):
         draws: list[Array] = []
         if np.any(record.pressure_noise > 0.0):
             draws = [np.nan_to_num(next(outputs) - y) for _ in range(DRAWS)]
@@ -279,7 +280,36 @@ def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel, engine: Eng
     begin = prepared.states if pieces is None else [first_state(arm, r, model.sections) for r in pieces]
     problem = Problem(parts, tuple(Whitener(r, rough) for r in parts), engine)
     fit = improve(problem, evaluate(problem, model, x, begin), iterations=20, tolerance=0.02, renewals=5)
-    return fit.x, list(prepared.states if pieces is not None else fit.states)
+    if pieces is None:
+        return fit.x, list(fit.states)
+    camera = model.camera(fit.x)
+    if camera is None:
+        return fit.x, list(prepared.states)
+    # Heads tell another pose by another camera.
+    arm = _core.Arm(model.arm(fit.x))
+    return fit.x, [first_state(arm, r.seen_by(camera), model.sections) for r in records]
+
+
+def _with_file_camera(
+    model: Model, prepared: Prepared, problem: Problem, rough: NoiseModel, free: tuple[Array, list[Array]]
+) -> tuple[Array, list[Array]]:
+    """Plain parameters from pieces seen by the file's camera where these start a lower fit than ``free``.
+
+    What an arm lacks may look like a camera elsewhere, over pieces that each begin as they please.
+    """
+    fits = _some_steps(problem, model, *free)
+    if not fits or problem.misfit(fits[0]) > CAMERA_MISFIT:
+        still = replace(model, plain=tuple(c for c in model.plain if not c.of_camera), sensors=None)
+        x, states = _pieces_fit(still, prepared, rough, problem.engine)
+        fits += _some_steps(problem, model, np.concatenate([x, np.zeros(model.size - still.size)]), states)
+    best = min(fits, key=lambda fit: fit.cost, default=None)
+    return free if best is None else (best.x, list(best.states))
+
+
+def _some_steps(problem: Problem, model: Model, x: Array, states: list[Array]) -> list[Fit]:
+    """A fit that has gone on a little from a start; none where that diverges."""
+    fit = evaluate(problem, model, x, states)
+    return [improve(problem, fit, iterations=10, tolerance=0.01, renewals=3)] if np.isfinite(fit.cost) else []
 
 
 def with_wide_damping(model: Model) -> Model:
@@ -343,12 +373,14 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
         model = with_wide_damping(model)
     if known is None:
         x, states = _damped_fit(model, prepared, problem) if stiff else _pieces_fit(model, prepared, rough, engine)
+        if model.sensors is not None and not stiff:
+            x, states = _with_file_camera(model, prepared, problem, rough, (x, states))
         cache.put("rough", x=x, states=np.array(states))
     else:
         x, states = known["x"], list(known["states"])
     fit = evaluate(problem, model, x, states)
     engine = _engine_for(engine, prepared, fit, problem)
-    disturbed = disturbed_outputs(engine, model.arm(fit.x), records, fit.states, fit.outputs, seed)
+    disturbed = disturbed_outputs(replace(problem, engine=engine), fit, seed)
     noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed))
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
     known = cache.get("plain", shapes)

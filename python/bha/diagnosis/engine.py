@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bha import _core
 from bha.diagnosis.records import Record
 from bha.errors import BhaError
+from bha.arm.geometry import CameraFrame
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,7 @@ class Job:
         pressures: other pressures than the record's, Pa, or None.
         rows: only that many of its compared rows; all if None.
         finer: the engine's steps are divided by this.
+        camera: the frame in which heads are seen; that of the record's outputs if None.
     """
 
     arm: str
@@ -41,6 +43,7 @@ class Job:
     pressures: Array | None = None
     rows: int | None = None
     finer: int = 1
+    camera: CameraFrame | None = None
 
 
 class Engine:
@@ -127,14 +130,20 @@ class Engine:
         if not live:
             return [nothing] * len(jobs)
         observation = record.observation
+        # Jobs that differ in what they are seen by are one simulation.
+        runs: dict[tuple[int, int, bytes], int] = {}
+        own = [
+            runs.setdefault((arms[job.arm], drives[id(job.pressures)], job.state.tobytes()), len(runs)) for job in live
+        ]
+        firsts = [own.index(k) for k in range(len(runs))]
         for share in self.shares:
             lengths, _, heads, *_ = _core.simulate_batch(
                 built,
                 inputs,
                 [times],
-                [(arms[job.arm], drives[id(job.pressures)], 0) for job in live],
-                np.full(len(live), times[0]),
-                np.ascontiguousarray([job.state for job in live]),
+                [(arm, drive, 0) for arm, drive, _ in runs],
+                np.full(len(runs), times[0]),
+                np.ascontiguousarray([live[k].state for k in firsts]),
                 method=self.method,
                 step=share * step,
                 velocities=False,
@@ -145,6 +154,11 @@ class Engine:
             if np.all(np.isfinite(lengths[:, -1])):
                 break
         positions = None if heads is None else heads.reshape(*lengths.shape[:2], -1, 3)
-        outputs = iter(np.ascontiguousarray(observation.predicted(lengths, positions)))
-        found = {id(job): y for job, y in zip(live, outputs, strict=True)}
+        found: dict[int, Array] = {}
+        for camera in {id(job.camera): job.camera for job in live}.values():
+            mine = [k for k, job in enumerate(live) if job.camera is camera]
+            rows_of = [own[k] for k in mine]
+            seen = observation.seen_by(camera)
+            outputs = seen.predicted(lengths[rows_of], None if positions is None else positions[rows_of])
+            found |= {id(live[k]): y for k, y in zip(mine, np.ascontiguousarray(outputs), strict=True)}
         return [found.get(id(job), nothing) for job in jobs]

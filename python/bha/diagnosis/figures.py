@@ -216,11 +216,12 @@ def arm_figure(outcome: Outcome) -> Any:
     go = _plotly()
     record = outcome.holdout.problem.records[0]
     rows = np.linspace(0, len(record.rows) - 1, min(FRAMES, len(record.rows))).round().astype(int)
-    arm = _core.Arm(outcome.plain.fit.model.arm(outcome.plain.fit.x))
+    fit = outcome.plain.fit
+    arm, observation = _core.Arm(fit.model.arm(fit.x)), record.observation.seen_by(fit.model.camera(fit.x))
     kinds = [("measured", record.outputs, MEASURED), ("plain model", outcome.plain.prediction.outputs[0], BEFORE)]
     if outcome.diagnosis.verdict == "named":
         kinds.append(("with the named effects", outcome.best.prediction.outputs[0], AFTER))
-    curves = {name: [_backbone(arm, record.observation, outputs[row]) for row in rows] for name, outputs, _ in kinds}
+    curves = {name: [_backbone(arm, observation, outputs[row]) for row in rows] for name, outputs, _ in kinds}
     figure = _subplots(rows=1, cols=2, subplot_titles=("view along y", "view along x"), horizontal_spacing=0.12)
     for axis in (0, 1):
         for name, _, colour in kinds:

@@ -67,11 +67,12 @@ class Problem:
 
     def simulate(self, model: Model, x: Array, states: Sequence[Array]) -> list[Array]:
         """Outputs of every log."""
-        return self.engine.run(self.jobs(model, model.arm(x), states))
+        return self.engine.run(self.jobs(model, x, states))
 
-    def jobs(self, model: Model, arm: str, states: Sequence[Array]) -> list[Job]:
-        """A run of ``arm`` on every log, with steps as ``model`` needs them."""
-        return [Job(arm, r, s, finer=model.finer) for r, s in zip(self.records, states, strict=True)]
+    def jobs(self, model: Model, x: Array, states: Sequence[Array], arm: str | None = None) -> list[Job]:
+        """A run of ``model`` at ``x`` on every log, or of another ``arm`` seen by its camera with steps as it needs."""
+        text, camera = arm or model.arm(x), model.camera(x)
+        return [Job(text, r, s, finer=model.finer, camera=camera) for r, s in zip(self.records, states, strict=True)]
 
     def residual(self, outputs: Sequence[Array]) -> Array:
         """White residual of all logs, measured less simulated, one vector; NaN if a run diverged."""
@@ -178,7 +179,7 @@ def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
             step = -DIFFERENCE
         x[k] += step
         steps.append(step)
-        jobs += problem.jobs(fit.model, fit.model.arm(x), fit.states)
+        jobs += problem.jobs(fit.model, x, fit.states)
     base, outputs = with_base(problem, fit, jobs)
     count = len(problem.records)
     result = np.empty((problem.rows, len(which)))
@@ -195,7 +196,7 @@ def with_base(problem: Problem, fit: Fit, jobs: Sequence[Job]) -> tuple[list[Arr
     The coarse step serves where it makes of the fit itself what the fine one does: beyond its limit stiction chatters,
     and differences of chatter are no sensitivities.
     """
-    first = problem.jobs(fit.model, fit.model.arm(fit.x), fit.states)
+    first = problem.jobs(fit.model, fit.x, fit.states)
     count = len(first)
     outputs = problem.engine.run([*first, *jobs], coarse=True)
     share = allowed(COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, problem.misfit(fit))
@@ -208,14 +209,14 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
     """White sensitivities of each log by its own initial state."""
     n = len(fit.states[0]) // 2
     units = state_units(n)
-    arm = fit.model.arm(fit.x)
+    arm, camera = fit.model.arm(fit.x), fit.model.camera(fit.x)
     jobs = []
     for record, state in zip(problem.records, fit.states, strict=True):
         rows = int(np.searchsorted(record.output_time, record.output_time[0] + MEMORY)) + 1
         for k in range(2 * n):
             changed = state.copy()
             changed[k] += 0.1 * units[k]
-            jobs.append(Job(arm, record, changed, rows=rows, finer=fit.model.finer))
+            jobs.append(Job(arm, record, changed, rows=rows, finer=fit.model.finer, camera=camera))
     base, outputs = with_base(problem, fit, jobs)
     result = []
     for i, (record, white) in enumerate(zip(problem.records, problem.whiteners, strict=True)):

@@ -21,8 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.arm.geometry import CameraFrame, camera_frame
+
 if TYPE_CHECKING:
     from bha.arm import Arm
+    from bha.parameters.sensors import SensorsParameters
 
 Array = NDArray[np.float64]
 Core = dict[str, Any]
@@ -71,6 +74,11 @@ class Coordinate:
     low: float = -math.inf
     high: float = math.inf
     prior: float = 1.0
+
+    @property
+    def of_camera(self) -> bool:
+        """Whether it says how heads are seen, not how they move."""
+        return str(self.path[0]).startswith("camera_")
 
     def value(self, x: float) -> float:
         """The value at coordinate ``x``."""
@@ -142,12 +150,14 @@ class Model:
         plain: the plain coordinates.
         effects: the effects.
         finer: the step of the integration, which was chosen for the plain arm, is divided by this.
+        sensors: the file's, where coordinates of the camera are among the plain ones (:mod:`bha.diagnosis.camera`).
     """
 
     core: Core
     plain: tuple[Coordinate, ...]
     effects: tuple[EffectTerm, ...] = ()
     finer: int = 1
+    sensors: SensorsParameters | None = None
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -168,6 +178,28 @@ class Model:
         """The same plain arm with other effects."""
         return replace(self, effects=tuple(effects))
 
+    def with_plain(self, plain: Sequence[Coordinate], sensors: SensorsParameters) -> Model:
+        """The same arm with other plain coordinates, those of its camera among them."""
+        return replace(self, plain=tuple(plain), sensors=sensors)
+
+    def sensors_at(self, x: Array) -> SensorsParameters | None:
+        """The sensors with the camera that is seen by at ``x``; None where no coordinate moves it."""
+        if self.sensors is None:
+            return None
+        vectors = {
+            "camera_position": list(self.sensors.camera_position),
+            "camera_rotation": list(self.sensors.camera_rotation_rad),
+        }
+        for coordinate, value in zip(self.plain, x, strict=False):
+            if str(coordinate.path[0]) in vectors:
+                vectors[str(coordinate.path[0])][int(coordinate.path[1])] = coordinate.value(float(value))
+        return self.sensors.with_camera(vectors["camera_position"], vectors["camera_rotation"])
+
+    def camera(self, x: Array) -> CameraFrame | None:
+        """The frame in which heads are seen at ``x``; None for that of the file."""
+        sensors = self.sensors_at(x)
+        return None if sensors is None else camera_frame(sensors)
+
     def place(self, number: int) -> slice:
         """Where the coordinates of one effect stand in ``x``."""
         first = len(self.plain) + sum(len(e.coordinates) for e in self.effects[:number])
@@ -182,7 +214,8 @@ class Model:
         core = copy.deepcopy(self.core)
         plain, parts = self.split(x)
         for coordinate, value in zip(self.plain, plain, strict=True):
-            set_plain(core, coordinate.path, coordinate.value(float(value)))
+            if not coordinate.of_camera:
+                set_plain(core, coordinate.path, coordinate.value(float(value)))
         effects = [
             {"kind": e.kind, "where": e.where, "parameters": e.parameters([float(v) for v in part])}
             for e, part in zip(self.effects, parts, strict=True)

@@ -18,6 +18,7 @@ from bha.recordings import ChannelFacts, Observation
 
 if TYPE_CHECKING:
     from bha.recordings import Recording
+    from bha.arm.geometry import CameraFrame
 
 Array = NDArray[np.float64]
 
@@ -92,6 +93,10 @@ class Record:
     def pressure_noise(self) -> Array:
         """Noise of the inputs, Pa, shape (inputs,)."""
         return np.array([fact.noise for fact in self.pressure_facts])
+
+    def seen_by(self, camera: CameraFrame | None) -> Record:
+        """The same log, its heads measured in another frame; as it is for None."""
+        return self if camera is None else replace(self, observation=self.observation.seen_by(camera))
 
     def between(self, start: float, end: float) -> Record:
         """The part from ``start`` to ``end``, s."""

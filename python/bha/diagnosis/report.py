@@ -128,6 +128,7 @@ def _head(found: Diagnosis, arm_name: str) -> str:
         f"<p>Open-loop error on {escape(', '.join(gap.holdout))}, which took no part in any fit: "
         f"<b>{1e3 * gap.before:.3g} mm</b> with the re-identified plain model, "
         f"<b>{1e3 * gap.after:.3g} mm</b> with the named effects, noise floor {1e3 * gap.noise:.3g} mm.</p>"
+        + "".join(f"<p>Setup: {escape(text)}.</p>" for text in found.setup)
     )
 
 

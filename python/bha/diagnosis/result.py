@@ -135,6 +135,7 @@ class Diagnosis(Table):
         residual: what is left after the last model: whiteness, what it correlates with.
         excitation: what these logs can tell at all: classes of look-alikes, weak spots, the best next experiment.
         plain: re-identified plain parameters.
+        setup: what is elsewhere than the file says without being physics of the arm (a camera), a text each.
         logs: training logs, with noise and flaws of every channel.
         reason: why the verdict is what it is, in a sentence.
         complete: whether the search came to its end; false after Ctrl-C.
@@ -152,6 +153,7 @@ class Diagnosis(Table):
     residual: dict[str, Any]
     excitation: dict[str, Any]
     plain: dict[str, Number]
+    setup: list[str] = []
     logs: list[dict[str, Any]]
     complete: bool = True
     seconds: Finite = 0.0

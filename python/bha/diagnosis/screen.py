@@ -118,7 +118,7 @@ def probe(
         return Signatures(tuple(candidates), tuple(columns), np.asarray(known["table"], dtype=np.float32))
     table = np.zeros((problem.rows, len(changes)), dtype=np.float32)
     text = json.dumps(core)
-    plain = problem.jobs(fit.model, text, fit.states)
+    plain = problem.jobs(fit.model, fit.x, fit.states, text)
     count = len(plain)
     # A plain model that makes up for a lag is damped more than the file's, too stiff for a long step.
     coarse = all(np.all(np.isfinite(y)) for y in problem.engine.run(plain, coarse=True))
@@ -146,7 +146,7 @@ def probe(
 
 def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, Any]]) -> list[Job]:
     """Runs of the probes on every log, probe by probe; pressures that act are computed beforehand."""
-    plain = json.dumps(core)
+    plain, camera = json.dumps(core), fit.model.camera(fit.x)
     place = {f"input {name}": j for j, name in enumerate(core["inputs"])}
     pressures = [
         PressureProbe(e["kind"], tuple(place[m] for m in members(e["where"], "input", core)), e["parameters"])
@@ -157,10 +157,11 @@ def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, An
     jobs = []
     for effect in effects:
         if effect["kind"] in ON_PRESSURES:
-            jobs += [Job(plain, r, s, next(p)) for r, s, p in zip(problem.records, fit.states, acting, strict=True)]
+            runs = zip(problem.records, fit.states, acting, strict=True)
+            jobs += [Job(plain, r, s, next(p), camera=camera) for r, s, p in runs]
         else:
             text = json.dumps(with_effect_tables(core, [effect]))
-            jobs += problem.jobs(fit.model, text, fit.states)
+            jobs += problem.jobs(fit.model, fit.x, fit.states, text)
     return jobs
 
 
@@ -180,12 +181,13 @@ def shapes_at(plan: KindPlan, where: str, fit: Fit, problem: Problem) -> list[di
 
 def head_path(fit: Fit, problem: Problem, section: int) -> Array:
     """Positions of a head under the fit, every tenth row, shape (rows, 3)."""
-    arm = _core.Arm(fit.model.arm(fit.x))
+    arm, camera = _core.Arm(fit.model.arm(fit.x)), fit.model.camera(fit.x)
     names_of_heads = names.position_names(section + 1)
     parts = []
     for record, outputs in zip(problem.records, fit.outputs, strict=True):
         if all(name in record.channels for name in names_of_heads):
-            parts.append(outputs[::10][:, [record.channels.index(name) for name in names_of_heads]])
+            seen = outputs[::10][:, [record.channels.index(name) for name in names_of_heads]]
+            parts.append(record.observation.seen_by(camera).camera.base_positions(seen))
         else:
             # All lengths are among the outputs where heads are not.
             table = outputs[::10][:, : len(record.observation.rows)] - record.observation.offsets

@@ -62,12 +62,13 @@ def resolved(
     engine: Engine, records: Sequence[Record], model: Model, x: Array, states: Sequence[Array], misfit: float
 ) -> Model:
     """``model`` with the coarsest step that its effects at ``x`` allow; ``misfit`` as for :func:`allowed`."""
-    text, engine = model.arm(x), engine.once()
+    text, camera, engine = model.arm(x), model.camera(x), engine.once()
     share = allowed(CANDIDATE_ERROR_SHARE, MISFIT_SHARE, misfit)
     rows = [checked_rows(r) for r in records]
 
     def outputs(finer: int) -> list[Array]:
-        return engine.run([Job(text, r, s, rows=n, finer=finer) for r, s, n in zip(records, states, rows, strict=True)])
+        runs = zip(records, states, rows, strict=True)
+        return engine.run([Job(text, r, s, rows=n, finer=finer, camera=camera) for r, s, n in runs])
 
     found = {1: outputs(1)}
     for finer in DIVISORS[:-1]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bha.diagnosis import catalogue, excitation
 from bha.diagnosis.baseline import Baseline, Prepared, cut_to, fit_baseline, prepare_runs, thin
 from bha.diagnosis.cache import Cache, key_of
+from bha.diagnosis.camera import moved, with_camera
 from bha.diagnosis.decide import GapTest, Limits, Verdict, decide, gap_test, without_faults
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.fit import Fit, Problem, with_sensitivities
@@ -95,13 +96,15 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     train, held = _records(logs, holdout_logs, commanded)
     repeated = repeats(train)
     train, held = with_repeat_noise(train, repeated), with_repeat_noise(held, repeated)
-    model = plain_model(arm)
+    heads, lengths = _measured(train, arm)
+    model = with_camera(plain_model(arm), arm) if heads else plain_model(arm)
     say("choosing the integration step")
     prepared = prepare_runs(model, train, lambda step, method: Engine(step, threads, method=method, shares=(1.0,)))
     engine = Engine(prepared.step, threads, prepared.coarse, method=prepared.method)
     say("re-identifying the plain model")
     options = (commanded, seed, rules, prepared.step, kinds)
-    cache = Cache(cache_folder, key_of(json.dumps(model.core), [*train, *held], options))
+    sensors = model.sensors and model.sensors.model_dump(mode="json")
+    cache = Cache(cache_folder, key_of(json.dumps([model.core, sensors]), [*train, *held], options))
     baseline = fit_baseline(model, prepared, engine, seed, cache)
     problem, plain_fit, engine = baseline.problem, baseline.fit, baseline.problem.engine
     holdout = _holdout(baseline, prepared, held, engine)
@@ -131,7 +134,6 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
     ranges = catalogue.core_ranges()
-    heads, lengths = _measured(train, arm)
     plans = [p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
@@ -209,9 +211,9 @@ def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], eng
 
     factor = max(1, round(prepared.records[0].sample_time / min(r.sample_time for r in held)))
     records = tuple(thin(r, factor) for r in held)
-    text = baseline.fit.model.arm(baseline.fit.x)
-    arm = _core.Arm(text)
-    states = [first_state(arm, r, baseline.fit.model.sections) for r in records]
+    model, x = baseline.fit.model, baseline.fit.x
+    arm, camera = _core.Arm(model.arm(x)), model.camera(x)
+    states = [first_state(arm, r.seen_by(camera), model.sections) for r in records]
     return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states)
 
 
@@ -222,9 +224,10 @@ def _noise_rms(baseline: Baseline) -> float:
 
 def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial, until: Sequence[float]) -> float:
     """Open-loop RMS error on the rows of the held-out logs before ``until``, m; from the trial's initial states."""
-    arm = trial.fit.model.arm(trial.fit.x)
-    finer = trial.fit.model.finer
-    outputs = engine.run([Job(arm, r, s, finer=finer) for r, s in zip(records, trial.prediction.states, strict=True)])
+    model, x = trial.fit.model, trial.fit.x
+    arm, camera = model.arm(x), model.camera(x)
+    runs = zip(records, trial.prediction.states, strict=True)
+    outputs = engine.run([Job(arm, r, s, finer=model.finer, camera=camera) for r, s in runs])
     squares, count = 0.0, 0
     for record, y, end in zip(records, outputs, until, strict=True):
         error = (record.outputs - y)[record.good & (record.output_time < end)[:, None]]
@@ -290,6 +293,7 @@ def _describe(
                 }
             ),
             "plain": values,
+            "setup": [text for text in [moved(final.fit.model, uncertainty, final.fit.x)] if text],
             "logs": [plain(_log_facts(r, "training")) for r in train]
             + [plain(_log_facts(r, "held out")) for r in held],
         }

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from bha.diagnosis.result import Number
     from bha.diagnosis.workflow import Outcome
     from bha.logs import Log
+    from bha.parameters.sensors import SensorsParameters
 
 
 #: The files of a diagnosis, each with what stands near its beginning.
@@ -68,6 +69,8 @@ def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
         )
     ]
     changes: dict[str, Any] = {"section": mapping["section"]}
+    if sensors := model.sensors_at(x):
+        changes["sensors"] = _sensors_table(arm, sensors, outcome, references)
     if tables:
         changes["effect"] = [*mapping.get("effect", []), *tables]
     return arm.with_parameters(arm.parameters.updated(changes))
@@ -119,6 +122,22 @@ def _write_plain(
         for key in ("inertia", "center_of_mass", "stiffness", "bending_stiffness"):
             provenance[key] = {"status": "identified", **({"logs": references} if references else {})}
         table["provenance"] = provenance
+
+
+def _sensors_table(
+    arm: Arm, sensors: SensorsParameters, outcome: Outcome, references: list[dict[str, str]]
+) -> dict[str, Any]:
+    """``[sensors]`` with the camera's estimated frame."""
+    table: dict[str, Any] = arm.parameters.to_mapping().get("sensors", {})
+    provenance = dict(table.get("provenance", {}))
+    for key in ("camera_position", "camera_rotation"):
+        own = [outcome.uncertainty[k] for k, c in enumerate(outcome.model.plain) if c.path[0] == key]
+        if own:
+            table[key] = list(getattr(sensors, key))
+            provenance[key] = _entry(own, references)
+            table.pop(f"{key}_deg", None)
+            provenance.pop(f"{key}_deg", None)
+    return table | {"provenance": provenance}
 
 
 def _entry(ci95: Any, references: list[dict[str, str]]) -> dict[str, Any]:
