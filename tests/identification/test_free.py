@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bha
-from bha.identification import FreeParameter, default_free
+from bha.identification import FreeParameter, camera_free, default_free
 from bha.identification.free import apply, resolve
 from bha.parameters import paths
 
@@ -72,3 +72,12 @@ def test_defaults_name_what_the_arm_has() -> None:
     names = default_free(PARAMETERS)
     assert len(names) == 18
     assert set(names) <= set(paths.available(PARAMETERS))
+
+
+def test_a_camera_that_is_published_stays() -> None:
+    names = [f.path for f in camera_free(PARAMETERS)]
+    assert names == [f"sensors.camera_{key}.{axis}" for key in ("position", "rotation") for axis in "xyz"]
+    stated = {"camera_rotation_deg": [0.0, 0.0, 2.0], "provenance": {"camera_rotation_deg": "published"}}
+    some = camera_free(PARAMETERS.updated({"sensors": stated}))
+    assert [f.path for f in some] == names[:3]
+    assert some[0].prior == (0.0, 0.02)

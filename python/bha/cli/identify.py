@@ -33,7 +33,8 @@ NOT_CONVERGED = 3
               help="Log that takes no part in the fit and is predicted (may be repeated).")  # fmt: skip
 @click.option("--free", "free", metavar="PATH[=START[:LOW:HIGH]]", multiple=True,
               help="Parameter to estimate, section.2.mass or section.*.damping (may be repeated). "
-                   "If left out: mass, stiffness, bending stiffness and damping of every section.")  # fmt: skip
+                   "If left out: mass, stiffness, bending stiffness and damping of every section; where heads are "
+                   "measured the camera's frame, too.")  # fmt: skip
 @click.option("--windows", metavar="S,S",
               help="Lengths of the simulated windows, stage by stage [s]; 'all' is a whole log. Left out: 0.75,6; "
               "6,all where commands go through pneumatics or a pressure lag.")  # fmt: skip

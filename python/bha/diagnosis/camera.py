@@ -24,22 +24,19 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Keys of ``[sensors]`` that are told by heads, with unit, plausible distance of each entry from the file's value, and
-#: from which distance on it is said.
-FREE = (("camera_position", "m", 0.02, 1e-3), ("camera_rotation", "rad", 0.05, 5e-3))
+#: Numbers of ``[sensors]`` that heads tell, with unit and from which distance to the file's value on they are said.
+FREE = (("camera_position", "m", 1e-3), ("camera_rotation", "rad", 5e-3))
 
 
 def with_camera(model: Model, arm: Arm) -> Model:
     """The model with the camera's frame free; values of it that the file calls published are known and stay."""
     sensors = arm.parameters.sensors or SensorsParameters()
-    known = {key for key, entry in sensors.provenance.items() if entry.status == "published"}
-    if known & {"camera_rotation", "camera_rotation_deg"}:
-        known.add("camera_rotation")
+    spreads = sensors.uncertain
     values = {"camera_position": sensors.camera_position, "camera_rotation": sensors.camera_rotation_rad}
     free = [
-        Coordinate(f"{key} {axis}", unit, values[key][k], spread, False, (key, k))
-        for key, unit, spread, _ in FREE
-        if key not in known
+        Coordinate(f"{key} {axis}", unit, values[key][k], spreads[key], False, (key, k))
+        for key, unit, _ in FREE
+        if key in spreads
         for k, axis in enumerate("xyz")
     ]
     return model.with_plain((*model.plain, *free), sensors) if free else model
@@ -54,7 +51,7 @@ def moved(model: Model, uncertainty: Sequence[tuple[float, float]], x: Array) ->
         x: its coordinates.
     """
     texts = []
-    for key, unit, _, least in FREE:
+    for key, unit, least in FREE:
         own = [(c, float(x[k]), uncertainty[k]) for k, c in enumerate(model.plain) if c.path[0] == key]
         size = float(np.linalg.norm([c.value(v) - c.nominal for c, v, _ in own]))
         if size < least or all(low <= c.nominal <= high for c, _, (low, high) in own):

@@ -7,7 +7,7 @@ arm tells. The paper's procedures of section IV, each on its own, are ``inertia`
 """
 
 from bha.identification.excitation import Excitation, excite
-from bha.identification.free import FreeParameter, default_free
+from bha.identification.free import FreeParameter, camera_free, default_free
 from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.moments import Inertia, inertia
@@ -41,6 +41,7 @@ __all__ = [
     "Stretch",
     "SwingFit",
     "bending_stiffness",
+    "camera_free",
     "default_free",
     "excite",
     "fit_poses",

@@ -19,7 +19,7 @@ from bha.errors import ConvergenceError, ParameterError
 from bha.identification.free import Coordinate, apply
 from bha.identification.grid import Grid, averaged, grid_of
 from bha.identification.records import Record, Window
-from bha.parameters import ArmParameters
+from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
 from bha.recordings.outputs import longest_sensor_delay
 from bha.runs.simulation import Method
@@ -159,13 +159,14 @@ class Model:
         lead = 1.5 * longest_sensor_delay(self.parameters)
         grids = {w: self._grid(w, lead) for w in pieces}
         drives = {w.record: averaged(self.records[w.record].drive, self.step) for w in grids}
-        times = np.full((len(members), max(len(g.time) for g in grids.values())), np.nan)
-        for k, (_, w, _) in enumerate(members):
+        own, runs = self._runs(members)
+        times = np.full((len(runs), max(len(g.time) for g in grids.values())), np.nan)
+        for k, (_, w, _) in enumerate(runs):
             times[k, : len(grids[w].time)] = grids[w].time
         batch: Batch = simulate_batch(
-            [arm for arm, _, _ in members],
-            [drives[w.record] for _, w, _ in members],
-            np.stack([state for _, _, state in members]),
+            [arm for arm, _, _ in runs],
+            [drives[w.record] for _, w, _ in runs],
+            np.stack([state for _, _, state in runs]),
             times=times,
             start=times[:, 0].copy(),
             method=self.method,
@@ -178,7 +179,7 @@ class Model:
         )
         seen: dict[tuple[int, int], Observation] = {}
         outputs = []
-        for k, (arm, w, _) in enumerate(members):
+        for k, (arm, w, _) in zip(own, members, strict=True):
             grid = grids[w]
             if (id(arm), w.record) not in seen:
                 seen[id(arm), w.record] = Observation.of(arm.parameters, self.records[w.record].observation.outputs)
@@ -189,6 +190,15 @@ class Model:
             shown = seen[id(arm), w.record].predicted(batch.lengths[k, : len(grid.time)], heads, turns)
             outputs.append(grid.at_rows(shown))
         return outputs
+
+    def _runs(self, members: Sequence[tuple[Arm, Window, Array]]) -> tuple[list[int], list[tuple[Arm, Window, Array]]]:
+        """For each member its simulation, and these: members whose arms differ in sensors only share one."""
+        if not any(paths.is_of_sensors(c.path) for c in self.coordinates):
+            return list(range(len(members))), list(members)
+        moving = {id(arm): arm.parameters.to_core_json() for arm, _, _ in members}
+        runs: dict[tuple[str, Window, bytes], int] = {}
+        own = [runs.setdefault((moving[id(arm)], w, state.tobytes()), len(runs)) for arm, w, state in members]
+        return own, [members[own.index(k)] for k in range(len(runs))]
 
     def _grid(self, window: Window, lead: float) -> Grid:
         """The grid of a window: begun earlier by what its sensors are behind, as far as the log goes back."""

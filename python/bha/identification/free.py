@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import InputError, ParameterWarning
-from bha.parameters import ArmParameters, paths
+from bha.parameters import ArmParameters, SensorsParameters, paths
 
 # Keys whose numbers are positive and are estimated on a logarithmic scale.
 _POSITIVE = frozenset(
@@ -259,6 +259,20 @@ def default_free(parameters: ArmParameters, *, masses: bool = True) -> tuple[str
         names += [f"{place}.bending_stiffness.{k + 1}" for k, v in enumerate(section.bending_stiffness) if v or not k]
         names += [f"{place}.damping"]
     return tuple(names)
+
+
+def camera_free(parameters: ArmParameters) -> tuple[FreeParameter, ...]:
+    """The camera's frame, where heads are measured: it never stands quite where the file has it.
+
+    A camera that is held fixed there comes out as stiffness and mass. What the file calls published stays.
+    """
+    sensors = parameters.sensors or SensorsParameters()
+    found = []
+    for name, spread in sensors.uncertain.items():
+        for axis in paths.AXES:
+            path = f"sensors.{name}.{axis}"
+            found.append(FreeParameter(path, prior=(paths.get_value(parameters, path), spread)))
+    return tuple(found)
 
 
 def with_start(free: FreeParameter | str, start: float) -> FreeParameter:

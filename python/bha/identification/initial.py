@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import BhaError
 from bha.identification.records import Record
+from bha.recordings import Observation
 
 Array = NDArray[np.float64]
 
@@ -97,4 +98,5 @@ def _rest(arm: Arm, pressures: Array) -> Array:
 
 def _channels(arm: Arm, rec: Record, q: Array) -> tuple[Array, Array]:
     """The record's channels at a pose and their derivative by the lengths."""
-    return rec.observation.at(arm, q)
+    # As this arm shows them: its camera may be free.
+    return Observation.of(arm.parameters, rec.observation.outputs).at(arm, q)

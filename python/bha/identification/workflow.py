@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterable, Sequence
 from bha.arm import Arm
 from bha.checkup import checked
 from bha.errors import InputError
-from bha.identification.free import FreeParameter, default_free
+from bha.identification.free import FreeParameter, camera_free, default_free
 from bha.identification.records import Record, record
 from bha.identification.refine import Settings, refine
 from bha.identification.result import Identification, identification
 from bha.logs import Log
-from bha.recordings import PressureSort, Recording
+from bha.parameters import paths
+from bha.recordings import Output, PressureSort, Recording
 
 
 def identify(
@@ -30,9 +31,9 @@ def identify(
     Args:
         arm: where to start from; what is not free stays as it is.
         logs: logs to fit, or recordings or records of them, with pressures and lengths or heads.
-        free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; per
-        section
-            mass, stiffness, bending stiffness and damping if None.
+        free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; if None
+            mass, stiffness, bending stiffness and damping of each section, and the camera's frame where all logs have
+            all three coordinates of some head.
         holdout: logs that take no part in the fit and are predicted before and after it.
         pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
             where the first log has them.
@@ -58,8 +59,18 @@ def identify(
     every = [next(made) if rec is None else rec for rec in records]
     used, held = every[: len(logs)], every[len(logs) :]
     _check_once(used, held)
-    fit = refine(arm, used, default_free(arm.parameters) if free is None else free, settings, progress=progress)
+    if free is None:
+        free = [*default_free(arm.parameters)]
+        if all(_sees_a_head(rec.observation.outputs) for rec in used):
+            free += camera_free(arm.parameters)
+    fit = refine(arm, used, free, settings, progress=progress)
     return identification(arm, fit, held)
+
+
+def _sees_a_head(outputs: Sequence[Output]) -> bool:
+    """Whether all three coordinates of some head are measured."""
+    sections = [output.section for output in outputs if output.kind == "position"]
+    return any(sections.count(section) == len(paths.AXES) for section in sections)
 
 
 def _check_once(used: Sequence[Record], held: Sequence[Record]) -> None:

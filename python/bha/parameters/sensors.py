@@ -35,6 +35,9 @@ AXES_ALLOWED = (
     'three texts, each of x, y, z once, with an optional "-", as in ["x", "-y", "-z"]: the axes of the base frame '
     "along which those of the camera point before camera_rotation"
 )
+#: How far an origin, m, and a rotation vector, rad, of a camera plausibly are from where a file has them: one standard
+#: deviation of each entry.
+CAMERA_SPREADS = {"camera_position": 0.02, "camera_rotation": 0.05}
 SectionNumber = Annotated[int, Field(strict=True, ge=1)]
 
 
@@ -79,6 +82,12 @@ class SensorsParameters(Table):
         return SensorsParameters.model_validate(
             stated | {"camera_position": tuple(position), "camera_rotation": tuple(rotation)}
         )
+
+    @property
+    def uncertain(self) -> dict[str, float]:
+        """What of the camera's frame is not published, with how far off it plausibly is (m, rad): markers tell it."""
+        known = {name.removesuffix("_deg") for name, entry in self.provenance.items() if entry.status == "published"}
+        return {name: spread for name, spread in CAMERA_SPREADS.items() if name not in known}
 
     @property
     def camera_rotation_rad(self) -> tuple[float, float, float]:
