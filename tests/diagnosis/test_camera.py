@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import bha
+from bha.arm.geometry import camera_frame
 from bha.diagnosis.camera import with_camera
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.records import prepare
 from bha.parameters import ArmParameters
 from bha.parameters.sensors import SensorsParameters
-from bha.arm.geometry import camera_frame
 
 from .synthetic import one_section, pressures, run_of
 from .test_heads import OFF, log_of_heads

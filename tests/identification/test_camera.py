@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bha
+from bha.arm.geometry import camera_frame
 from bha.identification import Settings, identify
 from bha.parameters.sensors import SensorsParameters
-from bha.arm.geometry import camera_frame
 
 from .identify_logs import measured, multisine, off, one_section
 

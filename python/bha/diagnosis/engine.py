@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import _core
+from bha.arm.geometry import CameraFrame
 from bha.diagnosis.records import Record
 from bha.errors import BhaError
-from bha.arm.geometry import CameraFrame
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from bha.errors import InputError
 from bha.recordings import ChannelFacts, Observation
 
 if TYPE_CHECKING:
-    from bha.recordings import Recording
     from bha.arm.geometry import CameraFrame
+    from bha.recordings import Recording
 
 Array = NDArray[np.float64]
 
