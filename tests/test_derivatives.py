@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import bha
 from bha import _core
+from bha.arm.derivatives import difference_arms
 from bha.parameters import paths
 
 Array = NDArray[np.float64]
@@ -97,7 +98,7 @@ def test_the_same_with_every_instruction_set(name: str, instruction_set: str) ->
     arm = arms()[name].with_effects(
         [*arms()[name].parameters.effects, {"kind": "pressure_gain", "where": "all", "gain": 0.02}]
     )
-    differences = [bha.arm.derivatives.difference_arms(arm, path) for path in SOME_PARAMETERS]
+    differences = [difference_arms(arm.parameters, path, arm.with_parameters) for path in SOME_PARAMETERS]
     scalar = _core.Differentiator(arm, differences, "scalar")
     abreast = _core.Differentiator(arm, differences, instruction_set)
     rng = np.random.default_rng(4)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bha
-from bha import Input, Log
+from bha import Log, Recording
 from bha.errors import LogError
 
 TIME = {"t [s]": [0.0, 1.0]}
@@ -213,7 +213,7 @@ def test_a_copied_log_drives_an_arm_as_the_first_one_does() -> None:
     columns = {"t [s]": [0.0, 0.1]} | {f"{name} [Pa]": [1.1e5, 1.2e5] for name in arm.inputs}
     log = Log.from_arrays(columns)
     again = pickle.loads(pickle.dumps(log))
-    np.testing.assert_array_equal(Input.from_log(arm, again).pressures, Input.from_log(arm, log).pressures)
+    np.testing.assert_array_equal(Recording(arm, again).drive.pressures, Recording(arm, log).drive.pressures)
 
 
 @pytest.mark.parametrize(("unit", "size"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])

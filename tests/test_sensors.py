@@ -171,7 +171,7 @@ def test_numbers_by_path() -> None:
         *(f"sensors.camera_rotation.{axis}" for axis in "xyz"),
         *(f"length_sensor.{k}.{name}" for k in (1, 2) for name in ("angle", "radius", "offset")),
     ]
-    assert not set(own) & set(bha.arm.derivatives.parameter_names(bha.Arm(parameters)))
+    assert not set(own) & set(bha.parameter_names(bha.Arm(parameters)))
     for path in own:
         value = paths.get_value(parameters, path)
         changed = paths.with_values(parameters, {path: value + 0.01})

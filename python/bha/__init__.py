@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bha import robots
 from bha._core import __version__
 from bha.arm import Arm
-from bha.arm.derivatives import Derivatives, Sensitivities, parameter_names, sensitivities
+from bha.arm.derivatives import Derivatives
 from bha.errors import (
     BhaError,
     ConvergenceError,
@@ -27,9 +27,15 @@ from bha.errors import (
 )
 from bha.logs import Log
 from bha.recordings import Recording
-from bha.runs.simulation import Input, Options, Simulation, simulate
-from bha.runs.trajectory import Trajectory, TrajectoryWriter
-from bha.simulation.batch import Batch, simulate_batch
+from bha.runs import Input, Options, Simulation, Trajectory, TrajectoryWriter
+from bha.simulation import (
+    Batch,
+    Sensitivities,
+    parameter_names,
+    sensitivities,
+    simulate,
+    simulate_batch,
+)
 
 if TYPE_CHECKING:
     from bha.checkup import Checkup, check

@@ -90,7 +90,7 @@ def test_choice_among_logs(tmp_path: Path) -> None:
     arm = one_section()
     for k in range(20):
         log = logs[paths.index(found["input.log"][k])]
-        check(found, k, alone(arm, bha.Input.from_log(arm, log), 0.01))
+        check(found, k, alone(arm, bha.Recording(arm, log).drive, 0.01))
 
 
 def test_measured_pressures_act_as_they_are(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_measured_pressures_act_as_they_are(tmp_path: Path) -> None:
     )
     bha.sweep(mapping, tmp_path / "out")
     arm = one_section()
-    check(rows(tmp_path / "out"), 0, alone(arm, bha.Input.from_log(arm, log), 0.01))
+    check(rows(tmp_path / "out"), 0, alone(arm, bha.Recording(arm, log).drive, 0.01))
 
 
 def test_failures_keep_their_place_and_say_why(tmp_path: Path) -> None:

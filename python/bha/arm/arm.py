@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arm.derivatives import Derivatives, differentiator
 from bha.arrays import floats
 from bha.errors import InputError
 from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel, paths
-
-if TYPE_CHECKING:
-    from bha.arm.derivatives import Derivatives
 
 _Arm = TypeVar("_Arm", bound="Arm")
 
@@ -182,11 +180,9 @@ class Arm(_core.Arm):
             InputError: an array of the wrong shape or with a value that is not finite.
             ParameterError: there is no such parameter.
         """
-        from bha.arm.derivatives import differentiator  # noqa: PLC0415  (it needs this module's class)
-
         names = tuple(parameters)
         if names not in self._differentiators:
-            self._differentiators[names] = differentiator(self, names)
+            self._differentiators[names] = differentiator(self, self._parameters, names, self.with_parameters)
         return self._differentiators[names](q, qd, p, f_ext)
 
     def linearize(self, q: ArrayLike, qd: ArrayLike, p: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

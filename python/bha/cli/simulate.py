@@ -17,7 +17,10 @@ from bha.cli.logs import missing_option, pressures_option
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 from bha.recordings.ranges import LengthExtremes
-from bha.runs.simulation import CHUNK_ROWS, Interpolation, Method, Options, Simulation, concatenate, output_times
+from bha.runs.input import Interpolation
+from bha.runs.options import Method, Options
+from bha.runs.rows import output_times
+from bha.runs.simulation import CHUNK_ROWS, Simulation, concatenate
 from bha.runs.trajectory import Trajectory, TrajectoryWriter
 from bha.support.files import check_target
 

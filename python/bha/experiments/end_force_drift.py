@@ -15,7 +15,9 @@ from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
 from bha.experiments.procedures import with_sections
 from bha.parameters import ForceModel
-from bha.runs.simulation import Input, Options, Simulation, concatenate
+from bha.runs.input import Input
+from bha.runs.options import Options
+from bha.runs.simulation import Simulation, concatenate
 from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]

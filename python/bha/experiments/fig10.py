@@ -8,7 +8,7 @@ from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome
 from bha.experiments.procedures import fit_oscillation, lateral, simulated_swing, swing_from_release
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 
 #: Bellows 1 of every section: they lie in the plane of the swing.
 SHOWN = (0, 3, 6)

@@ -9,7 +9,7 @@ from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
 from bha.experiments.procedures import fit_oscillation, lateral, simulated_swing, swing_from_release
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 
 
 def run(lab: Laboratory) -> Outcome:

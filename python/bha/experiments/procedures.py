@@ -14,8 +14,9 @@ from bha.experiments.virtual_arm import Schedule
 from bha.logs import Log
 from bha.parameters import ArmParameters
 from bha.recordings import Recording
-from bha.runs.simulation import Input, simulate
+from bha.runs.input import Input
 from bha.runs.trajectory import Trajectory
+from bha.simulation.single import simulate
 from bha.support.extras import import_extra
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from bha import reference
 from bha.arm import Arm
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.runs.simulation import simulate
+from bha.simulation.single import simulate
 
 Array = NDArray[np.float64]
 

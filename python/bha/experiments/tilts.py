@@ -6,7 +6,7 @@ from bha.experiments.compare import greatest_tool_error, length_error, static_tr
 from bha.experiments.figures import tilt_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.runs.simulation import simulate
+from bha.simulation.single import simulate
 
 #: The model beside the paper's: r_S where the section balances, not at the centre of its head.
 CENTRAL = "full, mass at the sections' centres"

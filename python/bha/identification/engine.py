@@ -22,7 +22,7 @@ from bha.identification.records import Record, Window
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
 from bha.recordings.outputs import longest_sensor_delay
-from bha.runs.simulation import Method
+from bha.runs.options import Method
 from bha.simulation.batch import Batch, simulate_batch
 
 Array = NDArray[np.float64]

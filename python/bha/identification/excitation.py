@@ -28,7 +28,7 @@ from bha.identification.solver import Point, Problem, Residuals
 from bha.logs import Log
 from bha.recordings import Observation
 from bha.recordings.outputs import coordinate_outputs
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 
 Array = NDArray[np.float64]
 

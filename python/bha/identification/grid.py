@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from bha.errors import ConvergenceError
 from bha.identification.engine import STEPS, Model
 from bha.identification.records import Window
 from bha.identification.solver import Point, Problem
-from bha.runs.simulation import Method
+from bha.runs.options import Method
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from bha.arm import Arm
 from bha.errors import InputError
 from bha.logs import Log
 from bha.recordings import Observation, PressureSort, Recording
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

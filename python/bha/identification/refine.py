@@ -26,7 +26,7 @@ from bha.identification.pressure_noise import Corrected, corrected, is_noisy, un
 from bha.identification.records import Record, Window, some_of, windows
 from bha.identification.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
 from bha.identification.uncertainty import Uncertainty, uncertainty
-from bha.runs.simulation import Method
+from bha.runs.options import Method
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]

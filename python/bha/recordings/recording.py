@@ -23,10 +23,10 @@ from bha.recordings import aligned, clock, compare, frozen, pressures, ranges, s
 from bha.recordings.outputs import Output, observe
 from bha.recordings.pressures import PressureChoice, PressureSort
 from bha.recordings.samples import ChannelFacts
+from bha.runs.input import Input
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.runs.simulation import Input
     from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -247,8 +247,6 @@ class Recording:
         self, readings: Literal["curve", "steps"], between: Literal["linear", "hold"]
     ) -> tuple[Input, NDArray[np.intp]]:
         """:attr:`drive` and :attr:`drive_rows` by some reading of pressures that are held, see `PressureChoice`."""
-        from bha.runs.simulation import Input  # noqa: PLC0415  (it makes recordings of logs)
-
         forces = self.log.forces_on(self.arm.section_count)
         commanded = self.pressures.sort == "commanded"
         facts, usable = self.pressure_facts, self._pressure_usable

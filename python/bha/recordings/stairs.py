@@ -28,6 +28,8 @@ from bha.parameters import paths
 from bha.recordings.clock import later
 from bha.recordings.compare import predicted
 from bha.recordings.samples import changes
+from bha.runs.input import Input
+from bha.runs.simulation import Simulation, concatenate
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -135,9 +137,6 @@ class _Look:
 
     def simulated(self, arm: Arm, readings: Literal["curve", "steps"], rise: Rise) -> Array:
         """Outputs in the rows, from rest under the first pressures; shape (rows, C)."""
-        # It makes recordings of logs.
-        from bha.runs.simulation import Input, Simulation, concatenate  # noqa: PLC0415
-
         drive, at = self.recording.drive_by(readings, rise)
         first, last = int(at[self.rows][0]), int(at[self.rows][-1]) + 1
         forces = None if drive.forces is None else drive.forces[first:last]

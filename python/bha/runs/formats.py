@@ -12,15 +12,13 @@ import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Protocol, cast
+from typing import IO, Any, Protocol, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bha.errors import InputError
 from bha.support.extras import import_extra
-
-if TYPE_CHECKING:
-    from bha.runs.trajectory import Trajectory
 
 # Attributes of a trajectory that hold one entry for each row; the optional ones may be None.
 ARRAYS = ("time", "lengths", "velocities", "pressures", "head_positions")
@@ -31,7 +29,36 @@ OPTIONAL_ARRAYS = ("head_orientations", *NOT_WRITTEN)
 BLOCK_ROWS = 65_536
 
 
-def written_arrays(trajectory: Trajectory) -> tuple[str, ...]:
+class Written(Protocol):
+    """What files hold of a :class:`bha.Trajectory`, beside its arrays by name."""
+
+    def __len__(self) -> int:
+        """Number of rows."""
+
+    @property
+    def arm_name(self) -> str:
+        """Name of the arm."""
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the pressure inputs."""
+
+    @property
+    def virtual_lengths(self) -> bool:
+        """Whether lengths are no bellows' own."""
+
+    @property
+    def head_orientations(self) -> NDArray[np.float64] | None:
+        """Orientations of the heads, or None."""
+
+    def columns(self) -> list[str]:
+        """Headings of a table."""
+
+    def table(self) -> NDArray[np.float64]:
+        """The columns side by side."""
+
+
+def written_arrays(trajectory: Written) -> tuple[str, ...]:
     """The attributes of a trajectory, an entry a row each, that a file of it holds."""
     return ARRAYS if trajectory.head_orientations is None else (*ARRAYS, "head_orientations")
 
@@ -39,7 +66,7 @@ def written_arrays(trajectory: Trajectory) -> tuple[str, ...]:
 class Sink(Protocol):
     """An open file that takes chunks of a trajectory."""
 
-    def write(self, chunk: Trajectory) -> None:
+    def write(self, chunk: Written) -> None:
         """Add the rows of a chunk of at most BLOCK_ROWS rows."""
 
     def finish(self, statistics: Mapping[str, int]) -> None:
@@ -49,7 +76,7 @@ class Sink(Protocol):
         """Close the file, finished or not."""
 
 
-def open_sink(path: Path) -> Callable[[Path, Trajectory], Sink]:
+def open_sink(path: Path) -> Callable[[Path, Written], Sink]:
     """Choose the format for a path by its extension; returns what opens such a file.
 
     The returned function takes the path to write to and a trajectory that has the columns of all chunks to come.
@@ -75,7 +102,7 @@ def open_sink(path: Path) -> Callable[[Path, Trajectory], Sink]:
 class _ParquetSink:
     """Compressed row groups of at most BLOCK_ROWS rows; arm, inputs and statistics as metadata of the file."""
 
-    def __init__(self, path: Path, like: Trajectory) -> None:
+    def __init__(self, path: Path, like: Written) -> None:
         self._pyarrow = import_extra("pyarrow", extra="parquet", purpose="Writing Parquet files")
         parquet = import_extra("pyarrow.parquet", extra="parquet", purpose="Writing Parquet files")
         metadata = {"bha.arm_name": like.arm_name, "bha.input_names": json.dumps(like.input_names)}
@@ -88,7 +115,7 @@ class _ParquetSink:
         self._waiting: list[Any] = []
         self._waiting_rows = 0
 
-    def write(self, chunk: Trajectory) -> None:
+    def write(self, chunk: Written) -> None:
         columns = [self._pyarrow.array(column) for column in chunk.table().T]
         self._waiting.append(self._pyarrow.table(columns, schema=self._schema))
         self._waiting_rows += len(chunk)
@@ -111,7 +138,7 @@ class _ParquetSink:
 class _CsvSink:
     """A heading line and one line per row; every number in the fewest digits that read back to the same number."""
 
-    def __init__(self, path: Path, like: Trajectory) -> None:
+    def __init__(self, path: Path, like: Written) -> None:
         self._stack = ExitStack()
         binary: IO[bytes] = self._stack.enter_context(path.open("wb"))
         if path.name.lower().endswith(".gz"):
@@ -122,7 +149,7 @@ class _CsvSink:
         self._writer = csv.writer(text, lineterminator="\n")
         self._writer.writerow(like.columns())
 
-    def write(self, chunk: Trajectory) -> None:
+    def write(self, chunk: Written) -> None:
         self._writer.writerows(chunk.table().tolist())
 
     def finish(self, statistics: Mapping[str, int]) -> None:
@@ -138,7 +165,7 @@ class _NpzSink:
     The header of an npy member says how many rows follow, so the rows wait in temporary files until they are counted.
     """
 
-    def __init__(self, path: Path, like: Trajectory) -> None:
+    def __init__(self, path: Path, like: Written) -> None:
         self._path = path
         self._like = like
         self._rows = 0
@@ -149,7 +176,7 @@ class _NpzSink:
             for name in written_arrays(like)
         }
 
-    def write(self, chunk: Trajectory) -> None:
+    def write(self, chunk: Written) -> None:
         for name, file in self._raw.items():
             file.write(np.ascontiguousarray(getattr(chunk, name), dtype="<f8").data)
         self._rows += len(chunk)

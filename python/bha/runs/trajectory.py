@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import names
+from bha.arm.geometry import camera_frame
 from bha.errors import InputError
 from bha.parameters import SensorsParameters
 from bha.runs.formats import ARRAYS, BLOCK_ROWS, NOT_WRITTEN, OPTIONAL_ARRAYS, Sink, open_sink, written_arrays
@@ -167,8 +168,6 @@ class Trajectory:
 
     def table(self) -> NDArray[np.float64]:
         """All columns side by side in the order of ``columns()``, shape (m, number of columns); a copy."""
-        from bha.arm.geometry import camera_frame  # noqa: PLC0415  (its package imports this module)
-
         camera = camera_frame(self.sensors)
         heads = [camera.positions(self.head_positions)]
         if self.head_orientations is not None:

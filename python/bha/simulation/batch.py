@@ -14,7 +14,10 @@ from bha.arrays import floats
 from bha.errors import BhaError, InputError
 from bha.logs import Log
 from bha.recordings import Recording
-from bha.runs.simulation import Input, Interpolation, Method, Options, as_input, check_room
+from bha.runs.input import Input, Interpolation
+from bha.runs.options import Method, Options
+from bha.runs.rows import check_room
+from bha.simulation.single import as_input
 
 if TYPE_CHECKING:
     from bha.arm import Arm

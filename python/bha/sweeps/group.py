@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import BhaError, ConvergenceError, SimulationError
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 from bha.simulation.batch import Batch, simulate_batch
 from bha.sweeps.members import NOT_ALLOWED, Member, deviations, member
 from bha.sweeps.metrics import METRICS, Runs, evaluate

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import InputError, ParameterError
 from bha.parameters.paths import with_values
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 from bha.sweeps.plan import Plan
 from bha.sweeps.targets import Target
 

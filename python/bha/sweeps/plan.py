@@ -18,7 +18,7 @@ from bha.arm import Arm
 from bha.parameters import ArmParameters
 from bha.parameters.messages import shown
 from bha.recordings import Recording, recordings
-from bha.runs.simulation import Input
+from bha.runs.input import Input
 from bha.sweeps.draws import grid_rows, grid_values, levels, monte_carlo_rows
 from bha.sweeps.spec import GROUP, SweepSpec, Variable
 from bha.sweeps.targets import Target, target_of

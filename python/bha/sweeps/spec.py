@@ -17,7 +17,8 @@ from bha.errors import ParameterError
 from bha.parameters import messages
 from bha.parameters.base import NotNegative, Number, Positive, Switch, Table, key, nearest, table_error
 from bha.recordings import PressureSort
-from bha.runs.simulation import Interpolation, Method
+from bha.runs.input import Interpolation
+from bha.runs.options import Method
 from bha.simulation.batch import InstructionSet
 from bha.sweeps.draws import check_variable, levels
 from bha.sweeps.metrics import METRICS
