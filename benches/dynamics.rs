@@ -1,10 +1,10 @@
 //! The core alone: forward and inverse dynamics, terms, by number of sections. `cargo bench --bench dynamics`.
 
 use bha_core::arm::Arm;
+use bha_core::body::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
 use bha_core::dynamics::Workspace;
 use bha_core::dynamics::recursion::{forward_dynamics_into, inverse_dynamics_into};
 use bha_core::dynamics::terms::{coriolis_matrix_into, inertia_matrix_into};
-use bha_core::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
 use divan::{Bencher, black_box};
 
 fn main() {
@@ -89,12 +89,12 @@ fn forward_dynamics(bencher: Bencher, sections: usize) {
 
 #[divan::bench]
 fn forward_dynamics_without_rotational_energy(bencher: Bencher) {
-    forward(bencher, state(3, |a| a.rotational_energy = false));
+    forward(bencher, state(3, |a| a.body.rotational_energy = false));
 }
 
 #[divan::bench]
 fn forward_dynamics_without_coriolis_forces(bencher: Bencher) {
-    forward(bencher, state(3, |a| a.coriolis_forces = false));
+    forward(bencher, state(3, |a| a.body.coriolis_forces = false));
 }
 
 #[divan::bench]
@@ -102,8 +102,8 @@ fn forward_dynamics_without_both(bencher: Bencher) {
     forward(
         bencher,
         state(3, |a| {
-            a.rotational_energy = false;
-            a.coriolis_forces = false;
+            a.body.rotational_energy = false;
+            a.body.coriolis_forces = false;
         }),
     );
 }

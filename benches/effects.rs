@@ -3,10 +3,10 @@
 //! `cargo bench --bench effects`
 
 use bha_core::arm::Arm;
-use bha_core::input::{Input, Interpolation};
+use bha_core::body::parameters::ArmParameters;
 use bha_core::integrate::{Integrator, Method, Options};
-use bha_core::parameters::ArmParameters;
 use bha_core::plant::Plant;
+use bha_core::plant::input::{Input, Interpolation};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Instant;
@@ -33,8 +33,8 @@ fn arm(effects: &Value) -> Arc<Arm> {
 fn cost(effects: &Value) -> f64 {
     let arm = arm(effects);
     let times: Vec<f64> = (0..=200).map(|k| 5e-3 * f64::from(k)).collect();
-    let rows = times.iter().flat_map(|t| (0..arm.inputs).map(move |k| 1.2e5 + 1e4 * (6.0 * t + k as f64).sin()));
-    let pressures = (rows.collect(), arm.inputs);
+    let rows = times.iter().flat_map(|t| (0..arm.body.inputs).map(move |k| 1.2e5 + 1e4 * (6.0 * t + k as f64).sin()));
+    let pressures = (rows.collect(), arm.body.inputs);
     let input = Arc::new(Input::new(times, pressures, (Vec::new(), 0), Interpolation::Linear).unwrap());
     let options = Options { method: Method::Rk4, step: 1e-3, ..Options::default() };
     let x = [vec![0.17; arm.coordinates()], vec![0.0; arm.coordinates()]].concat();

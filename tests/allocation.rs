@@ -1,11 +1,11 @@
 //! Nothing is allocated inside a step: counted by an allocator of this test's own.
 
 use bha_core::arm::Arm;
+use bha_core::body::parameters::ArmParameters;
 use bha_core::dynamics::derivatives::{Point, differentiator};
-use bha_core::input::{Input, Interpolation};
 use bha_core::integrate::{Integrator, Method, Options};
-use bha_core::parameters::ArmParameters;
 use bha_core::plant::Plant;
+use bha_core::plant::input::{Input, Interpolation};
 use bha_core::real::lanes::{AnyLanes, InstructionSet, dispatch};
 use bha_core::real::{Kernel, Real};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -74,9 +74,10 @@ impl AnyLanes for Steps<'_> {
     type Output = u64;
     fn with<T: Real>(self) -> u64 {
         let lifted = Arc::new(self.arm.lift::<T>());
-        let pressures = vec![1.1e5; 2 * self.arm.inputs];
+        let pressures = vec![1.1e5; 2 * self.arm.body.inputs];
         let input =
-            Input::new(vec![0.0, 1.0], (pressures, self.arm.inputs), (Vec::new(), 0), Interpolation::Linear).unwrap();
+            Input::new(vec![0.0, 1.0], (pressures, self.arm.body.inputs), (Vec::new(), 0), Interpolation::Linear)
+                .unwrap();
         let n = self.arm.coordinates();
         let x: Vec<T> = (0..2 * n).map(|k| T::from_f64(if k < n { 0.2 } else { 0.0 })).collect();
         let options = Options { method: self.method, ..Options::default() };
@@ -99,9 +100,9 @@ fn no_step_allocates() {
 fn no_derivative_allocates() {
     let arm = arm();
     let n = arm.coordinates();
-    let (q, qd, p) = (vec![0.2; n], vec![0.1; n], vec![1.1e5; arm.inputs]);
+    let (q, qd, p) = (vec![0.2; n], vec![0.1; n], vec![1.1e5; arm.body.inputs]);
     let mut run = differentiator(&arm, &[], InstructionSet::best());
-    let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (2 * n + arm.inputs)]);
+    let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (2 * n + arm.body.inputs)]);
     let point = Point { q: &q, qd: &qd, p: &p, f_ext: None };
     assert_eq!(count(|| run.run(point, &mut qdd, &mut out)), 0);
 }

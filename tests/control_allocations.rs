@@ -1,10 +1,10 @@
 //! Nothing is allocated in a period of the closed loop: neither by the plant with full pneumatics nor by a controller.
 
 use bha_core::arm::Arm;
-use bha_core::closed_loop::{Stepper, rest_near};
+use bha_core::body::parameters::ArmParameters;
 use bha_core::control::{Controller, ControllerParameters, Limits, Target};
-use bha_core::parameters::ArmParameters;
-use bha_core::stepping::{Plan, Stepping};
+use bha_core::run::closed_loop::{Stepper, rest_near};
+use bha_core::run::stepping::{Plan, Stepping};
 use serde::Deserialize;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::HashMap;
@@ -53,7 +53,7 @@ fn arm() -> Arc<Arm> {
 #[test]
 fn a_period_allocates_nothing() {
     let arm = arm();
-    let (m, n) = (arm.coordinates(), arm.inputs);
+    let (m, n) = (arm.coordinates(), arm.body.inputs);
     let limits = Limits { low: vec![0.6e5; n], high: vec![3e5; n], preferred: vec![1.2e5; n] };
     let pose = vec![0.19; m];
     let (p, q) = rest_near(&arm, &pose, &limits, &mut || false).unwrap();

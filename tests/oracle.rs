@@ -2,13 +2,13 @@
 //! computed independently of this package (70 states of five arms, straight and nearly straight ones among them).
 
 use bha_core::arm::Arm;
+use bha_core::body::parameters::{ArmParameters, ForceModel};
 use bha_core::dynamics::Workspace;
 use bha_core::dynamics::energy::energy;
 use bha_core::dynamics::recursion::{forward_dynamics_into, inverse_dynamics_into};
 use bha_core::dynamics::terms::{coriolis_matrix_into, generalized_force_into, inertia_matrix_into};
 use bha_core::forces::ForceSet;
-use bha_core::linear::{Mat3, Vec3};
-use bha_core::parameters::{ArmParameters, ForceModel};
+use bha_core::real::linear::{Mat3, Vec3};
 use serde::Deserialize;
 use std::collections::HashMap;
 
@@ -70,7 +70,7 @@ fn all_cases() {
 
 fn check(name: &str, parameters: &ArmParameters, model: ForceModel, case: &Case) {
     let arm = Arm::new(parameters).unwrap();
-    let (n, m) = (arm.sections.len(), arm.coordinates());
+    let (n, m) = (arm.body.sections.len(), arm.coordinates());
     let mut ws = Workspace::new(&arm);
     let (q, qd, p) = (&case.q, &case.qd, &case.p);
 

@@ -4,10 +4,10 @@
 mod counting;
 
 use bha_core::arm::Arm;
+use bha_core::body::parameters::ArmParameters;
 use bha_core::dynamics::Workspace;
 use bha_core::dynamics::derivatives::{Point, differentiator};
 use bha_core::dynamics::recursion::forward_dynamics_into;
-use bha_core::parameters::ArmParameters;
 use bha_core::real::lanes::{AnyLanes, InstructionSet, dispatch};
 use bha_core::real::{Fused, Kernel, Real};
 use counting::{Counting, operations};
@@ -45,7 +45,7 @@ fn forward_dynamics<T: Real>(arm: &Arm) -> f64 {
     let n = arm.coordinates();
     let at = |k: usize| T::from_lanes(|j| 0.2 + 0.01 * (k * 5 % 7) as f64 + 0.001 * j as f64);
     let x: Vec<T> = (0..2 * n).map(|k| if k < n { at(k) } else { at(k) - 0.22 }).collect();
-    let p: Vec<T> = (0..arm.inputs).map(|k| T::from_f64(1.1e5 + 5e3 * k as f64)).collect();
+    let p: Vec<T> = (0..arm.body.inputs).map(|k| T::from_f64(1.1e5 + 5e3 * k as f64)).collect();
     let (mut ws, mut out) = (Workspace::new(&lifted), vec![T::zero(); n]);
     let (q, qd) = x.split_at(n);
     shortest(|| {
@@ -69,9 +69,9 @@ fn derivatives(arm: &Arm, set: InstructionSet) -> f64 {
     let n = arm.coordinates();
     let q: Vec<f64> = (0..n).map(|k| 0.2 + 0.01 * (k * 5 % 7) as f64).collect();
     let qd: Vec<f64> = (0..n).map(|k| 0.1 - 0.02 * k as f64).collect();
-    let p = vec![1.2e5; arm.inputs];
+    let p = vec![1.2e5; arm.body.inputs];
     let mut run = differentiator(arm, &[], set);
-    let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (2 * n + arm.inputs)]);
+    let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; n * (2 * n + arm.body.inputs)]);
     shortest(|| run.run(Point { q: black_box(&q), qd: &qd, p: &p, f_ext: None }, &mut qdd, black_box(&mut out)))
 }
 
@@ -114,7 +114,7 @@ fn count(arm: &Arm) -> u64 {
     let lifted = arm.lift::<Counting>();
     let n = arm.coordinates();
     let all = |x: f64, n: usize| vec![Counting::from_f64(x); n];
-    let (q, qd, p, mut out) = (all(0.2, n), all(0.1, n), all(1.2e5, arm.inputs), all(0.0, n));
+    let (q, qd, p, mut out) = (all(0.2, n), all(0.1, n), all(1.2e5, arm.body.inputs), all(0.0, n));
     let mut ws = Workspace::new(&lifted);
     operations(|| forward_dynamics_into(&lifted, &q, &qd, &p, None, &mut ws, &mut out))
 }
@@ -122,7 +122,7 @@ fn count(arm: &Arm) -> u64 {
 fn main() {
     let arm = nominal();
     let flops = count(&arm) as f64;
-    println!("forward dynamics of {} sections: {flops} floating-point operations", arm.sections.len());
+    println!("forward dynamics of {} sections: {flops} floating-point operations", arm.body.sections.len());
     let scalar = forward_dynamics::<f64>(&arm);
     println!("scalar      {:8.1} ns per state", scalar * 1e9);
     if Fused::is_available() {

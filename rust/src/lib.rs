@@ -8,7 +8,7 @@
 //! | (3), (7) lengths to arc | [`kinematics::coordinates`] |
 //! | (9), (11), (66)-(73) pose of a section and its derivatives | [`kinematics::section`], [`kinematics::arc`] |
 //! | (12)-(14), (19)-(24) the chain | [`kinematics::chain`], [`kinematics::point`] |
-//! | (25)-(32) bellows and external forces | [`forces`] |
+//! | (25)-(32) bellows and external forces | [`forces`], summed in [`dynamics::applied`] |
 //! | (33)-(35) gravity, bending | [`forces`] |
 //! | effects the paper leaves out | [`effects`] |
 //! | (36)-(39) kinetic energy | [`dynamics::energy`] |
@@ -17,41 +17,47 @@
 //! | (62) statics | [`dynamics::statics`] |
 //! | (25) pressures, from command to chamber | [`pneumatics`] |
 //!
-//! Measured logs and trajectories as text are read and written by [`table`], which knows nothing of arms.
+//! # The house
 //!
-//! [`virtual_arm`] is no part of the model: it is what the paper's experiments take for the real arm.
+//! Rooms from the top down. A room imports only rooms that its row names, all of which stand below it; a test
+//! (`tests/house.rs`) reads this table and every `crate::` path.
 //!
-//! [`control`] and [`closed_loop`] use the model the other way round: from a wanted motion to pressures.
-//!
-//! Arrows: batch, closed_loop -> control, simulate -> integrate -> dynamics -> forces, effects, pneumatics -> kinematics
-//! -> arm -> real; nothing points back.
+//! | room | what | may import |
+//! |---|---|---|
+//! | `python` | the classes and functions of `bha._core` | every room |
+//! | [`virtual_arm`] | no part of the model: what the paper's experiments take for the real arm | plant, arm, body, error |
+//! | [`run`] | runs of a plant: simulation, batch, sensitivities, stepper, fleet, closed loop | plant, control, dynamics, arm, pneumatics, effects, kinematics, body, integrate, memory, real, error |
+//! | [`plant`] | the differential equation under its inputs | dynamics, arm, pneumatics, effects, kinematics, body, integrate, real, error |
+//! | [`control`] | the model the other way round: from a wanted motion to pressures | dynamics, arm, forces, kinematics, real, error |
+//! | [`dynamics`] | equations of motion, the one sum of forces, energy, statics, derivatives | arm, effects, forces, kinematics, body, real, error |
+//! | [`arm`] | the arm: a body with its pneumatics and effects | pneumatics, effects, body, real, error |
+//! | [`pneumatics`] | from commanded to chamber pressures | forces, kinematics, body, real, error |
+//! | [`effects`] | what the paper's model leaves out | forces, kinematics, body, real, error |
+//! | [`forces`] | the elementary forces | kinematics, body, real |
+//! | [`kinematics`] | lengths to arcs to poses, the chain | body, real |
+//! | [`body`] | sections and bellows, and what a parameter file says | real, error |
+//! | [`integrate`] | methods for differential equations | real, error |
+//! | [`real`] | scalars, lanes, dual numbers, small vectors and matrices | |
+//! | [`table`] | measured logs and trajectories as text; knows nothing of arms | |
+//! | [`memory`] | room for large results | error |
+//! | [`error`] | errors | |
 
-pub mod abreast;
 pub mod arm;
-pub mod batch;
-pub mod closed_loop;
+pub mod body;
 pub mod control;
-pub mod drives;
 pub mod dynamics;
 pub mod effects;
 pub mod error;
-pub mod fleet;
 pub mod forces;
-pub mod input;
 pub mod integrate;
 pub mod kinematics;
-pub mod linear;
 pub mod memory;
-pub mod parameters;
 pub mod plant;
 pub mod pneumatics;
 #[cfg(feature = "python")]
 mod python;
 pub mod real;
-pub mod sensitivity;
-pub mod simulate;
-pub mod stepping;
-pub mod stiffness;
+pub mod run;
 pub mod table;
 pub mod virtual_arm;
 
@@ -59,4 +65,3 @@ pub mod virtual_arm;
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/effects.md")]
 struct Documentation;
-pub mod watch;

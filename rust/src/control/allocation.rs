@@ -39,8 +39,8 @@ pub struct Allocation {
 impl Allocation {
     /// For `arm`, with limits and preferred pressures in Pa absolute, one an input.
     pub fn new(arm: &Arm, low: &[f64], high: &[f64], preferred: &[f64]) -> Self {
-        let n = arm.inputs;
-        let above = |p: &[f64]| p.iter().map(|p| p - arm.ambient_pressure).collect::<Vec<_>>();
+        let n = arm.body.inputs;
+        let above = |p: &[f64]| p.iter().map(|p| p - arm.body.ambient_pressure).collect::<Vec<_>>();
         let (low, high, preferred) = (above(low), above(high), above(preferred));
         let x = preferred.iter().zip(low.iter().zip(&high)).map(|(x, (l, h))| x.clamp(*l, *h)).collect();
         Self {
@@ -76,14 +76,14 @@ impl Allocation {
 
     /// The pressures for `tau` at lengths `q` into `p`, Pa absolute.
     pub fn solve(&mut self, arm: &Arm, q: &[f64], tau: &[f64], ws: &mut Workspace, p: &mut [f64]) {
-        pass(arm, q, &[], Motion::Pose, &mut ws.links);
+        pass(&arm.body, q, &[], Motion::Pose, &mut ws.links);
         actuation_columns(arm, ws, &mut self.unit, &mut self.matrix);
-        let (m, n) = (arm.coordinates(), arm.inputs);
+        let (m, n) = (arm.coordinates(), arm.body.inputs);
         if !(m == n && self.solve_freely(tau)) {
             self.solve_bounded(m, tau);
         }
         for (p, x) in p.iter_mut().zip(&self.x) {
-            *p = arm.ambient_pressure + x;
+            *p = arm.body.ambient_pressure + x;
         }
     }
 
@@ -209,8 +209,8 @@ impl Allocation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arm::testing::{arms, states};
     use crate::dynamics::terms::generalized_force_into;
-    use crate::dynamics::testing::{arms, states};
     use crate::forces::ForceSet;
     use proptest::prelude::*;
 
@@ -227,7 +227,7 @@ mod tests {
         fn undoes_the_actuation(arm in arms(), seed in states()) {
             let (q, p) = (seed.lengths(&arm), seed.pressures(&arm));
             let tau = actuation(&arm, &q, &p);
-            let n = arm.inputs;
+            let n = arm.body.inputs;
             let mut allocation = Allocation::new(&arm, &vec![0.5e5; n], &vec![3e5; n], &vec![1.2e5; n]);
             let mut found = vec![0.0; n];
             allocation.solve(&arm, &q, &tau, &mut Workspace::new(&arm), &mut found);
@@ -244,7 +244,7 @@ mod tests {
             let (q, p) = (seed.lengths(&arm), seed.pressures(&arm));
             let wanted: Vec<f64> = p.iter().map(|p| 1.2e5 + scale * (p - 1.2e5)).collect();
             let tau = actuation(&arm, &q, &wanted);
-            let n = arm.inputs;
+            let n = arm.body.inputs;
             let (low, high) = (0.9e5, 1.6e5);
             let mut allocation = Allocation::new(&arm, &vec![low; n], &vec![high; n], &vec![1.2e5; n]);
             let mut ws = Workspace::new(&arm);

@@ -111,18 +111,18 @@ impl Controller {
                 "controller: lead_time is {lead_time}; a number not below zero is needed"
             )));
         }
-        parameters.limits.check(arm.inputs)?;
+        parameters.limits.check(arm.body.inputs)?;
         let limits = &parameters.limits;
         Ok(Self {
             law: Law::new(&arm, period, parameters.law.clone())?,
             observer: Observer::new(arm.clone(), period, parameters.observer)?,
             allocation: Allocation::new(&arm, &limits.low, &limits.high, &limits.preferred),
             ws: Workspace::new(&arm),
-            at_limit: vec![0; arm.inputs],
-            wanted: vec![0.0; arm.inputs],
+            at_limit: vec![0; arm.body.inputs],
+            wanted: vec![0.0; arm.body.inputs],
             lead: Allocation::new(&arm, &limits.low, &limits.high, &limits.preferred),
-            asked: vec![0.0; arm.inputs],
-            before: vec![0.0; arm.inputs],
+            asked: vec![0.0; arm.body.inputs],
+            before: vec![0.0; arm.body.inputs],
             started: false,
             time: 0.0,
             parameters,
@@ -155,9 +155,9 @@ impl Controller {
         // The model's effects may have hidden states (creep, hysteresis): they follow the estimate, period by period.
         let state = self.observer.state();
         if self.started {
-            ws.effects.end_step(arm, self.time, state);
+            ws.effects.end_step(&arm.body, &arm.effects, self.time, state);
         }
-        ws.effects.begin_step(arm, self.time, state);
+        ws.effects.begin_step(&arm.body, self.time, state);
         ws.effects.time = self.time;
         self.time += self.parameters.period;
         let state =

@@ -34,7 +34,7 @@ use crate::dynamics::terms::generalized_force_into;
 use crate::error::{Error, Result};
 use crate::forces::{ForceSet, length};
 use crate::kinematics::coordinates::arc_from_lengths;
-use crate::linear::Vec3;
+use crate::real::linear::Vec3;
 use serde::Deserialize;
 
 /// Which law, with its gains.
@@ -134,7 +134,7 @@ impl Law {
     /// # Errors
     /// [`Error::Input`] for a gain that is not finite or a wrong number of gains.
     pub fn new(arm: &Arm, period: f64, parameters: LawParameters) -> Result<Self> {
-        let (m, inputs) = (arm.coordinates(), arm.inputs);
+        let (m, inputs) = (arm.coordinates(), arm.body.inputs);
         let check = |name: &str, gains: &[f64], count: usize| {
             if gains.len() == count && gains.iter().all(|g| g.is_finite()) {
                 return Ok(());
@@ -311,9 +311,9 @@ pub fn static_force(arm: &Arm, q: &[f64], still: &[f64], ws: &mut Workspace, out
 /// Mean length of the bellows of each input as a linear map of the lengths, inputs x m, row by row.
 fn mean_lengths(arm: &Arm) -> Vec<f64> {
     let m = arm.coordinates();
-    let mut out = vec![0.0; arm.inputs * m];
-    let mut counts = vec![0.0_f64; arm.inputs];
-    for (i, section) in arm.sections.iter().enumerate() {
+    let mut out = vec![0.0; arm.body.inputs * m];
+    let mut counts = vec![0.0_f64; arm.body.inputs];
+    for (i, section) in arm.body.sections.iter().enumerate() {
         for b in &section.bellows {
             counts[b.input] += 1.0;
             for k in 0..3 {

@@ -18,7 +18,7 @@ pub struct Linearization {
 
 /// The linearization of `arm` at lengths `q`, rates `qd` and pressures `p` (Pa absolute).
 pub fn linearize(arm: &Arm, q: &[f64], qd: &[f64], p: &[f64]) -> Linearization {
-    let (m, inputs) = (arm.coordinates(), arm.inputs);
+    let (m, inputs) = (arm.coordinates(), arm.body.inputs);
     let mut state = DMatrix::zeros(2 * m, 2 * m);
     let mut input = DMatrix::zeros(2 * m, inputs);
     for k in 0..m {
@@ -53,9 +53,9 @@ impl Linearization {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arm::testing::{arms, states};
     use crate::dynamics::Workspace;
     use crate::dynamics::recursion::forward_dynamics_into;
-    use crate::dynamics::testing::{arms, states};
     use proptest::prelude::*;
 
     proptest! {
@@ -63,7 +63,7 @@ mod tests {
         fn agrees_with_differences(arm in arms(), seed in states(), which in 0..100_usize) {
             let (m, q, qd, p) = (arm.coordinates(), seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
             let linear = linearize(&arm, &q, &qd, &p);
-            let column = which % (2 * m + arm.inputs);
+            let column = which % (2 * m + arm.body.inputs);
             let mut ws = Workspace::new(&arm);
             let mut at = |sign: f64| {
                 let (mut q, mut qd, mut p) = (q.clone(), qd.clone(), p.clone());

@@ -12,12 +12,12 @@
 //! Units: lengths m, rates m/s, unexplained acceleration m/s^2.
 
 use super::linearization::linearize;
+use super::modes::fastest;
 use super::riccati::filter_gain;
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::error::{Error, Result};
-use crate::stepping::fastest;
 use nalgebra::DMatrix;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -106,7 +106,7 @@ impl Observer {
             estimate: vec![0.0; 3 * m],
             gain: vec![0.0; 3 * m * m],
             previous: vec![0.0; m],
-            pressures: vec![0.0; arm.inputs],
+            pressures: vec![0.0; arm.body.inputs],
             middle: vec![0.0; m],
             acceleration: vec![0.0; m],
             started: false,
@@ -220,7 +220,7 @@ impl Observer {
     /// The estimate one period on, under the pressures of that period.
     fn predict(&mut self, pressures: &[f64]) {
         let (m, h) = (self.previous.len(), self.period);
-        self.ws.effects.begin_step(&self.arm, self.time, &self.estimate[..2 * m]);
+        self.ws.effects.begin_step(&self.arm.body, self.time, &self.estimate[..2 * m]);
         // An ideal pressure stood at its present value all the period; a real one moved there from the last.
         let ideal = self.arm.pneumatics.is_none();
         for (mean, p) in self.pressures.iter_mut().zip(pressures) {
@@ -246,7 +246,7 @@ impl Observer {
             }
         }
         self.time += self.period;
-        self.ws.effects.end_step(&self.arm, self.time, &self.estimate[..2 * m]);
+        self.ws.effects.end_step(&self.arm.body, &self.arm.effects, self.time, &self.estimate[..2 * m]);
         self.pressures.copy_from_slice(pressures);
     }
 

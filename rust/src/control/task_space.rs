@@ -12,7 +12,7 @@ use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::point::{Point, jacobian, pose};
-use crate::linear::Vec3;
+use crate::real::linear::Vec3;
 
 /// Tip error accepted, m (and rad for the direction).
 const TOLERANCE: f64 = 1e-9;
@@ -53,10 +53,10 @@ impl ResolvedMotion {
     pub fn new(arm: &Arm, offset: Vec3<f64>, low: &[f64], high: &[f64]) -> Self {
         let m = arm.coordinates();
         Self {
-            point: Point { section: arm.sections.len() - 1, fraction: 1.0, offset },
+            point: Point { section: arm.body.sections.len() - 1, fraction: 1.0, offset },
             middle: low.iter().zip(high).map(|(l, h)| 0.5 * (l + h)).collect(),
             half: low.iter().zip(high).map(|(l, h)| 0.5 * (h - l)).collect(),
-            links: vec![Link::base(); arm.sections.len()],
+            links: vec![Link::base(); arm.body.sections.len()],
             columns: vec![[Vec3::zero(); 2]; m],
             rows: vec![0.0; 6 * m],
             step: vec![0.0; m],
@@ -102,9 +102,9 @@ impl ResolvedMotion {
 
     /// Task Jacobian into `rows`; returns the error and its size.
     fn linearize(&mut self, arm: &Arm, tip: &Tip, q: &[f64]) -> ([f64; 6], f64) {
-        pass(arm, q, &[], Motion::Pose, &mut self.links);
-        let (rotation, position) = pose(arm, &self.links, &self.point);
-        jacobian(arm, &self.links, &self.point, &mut self.columns);
+        pass(&arm.body, q, &[], Motion::Pose, &mut self.links);
+        let (rotation, position) = pose(&arm.body, &self.links, &self.point);
+        jacobian(&arm.body, &self.links, &self.point, &mut self.columns);
         let m = q.len();
         let off = tip.position - position;
         let mut error = [off.0[0], off.0[1], off.0[2], 0.0, 0.0, 0.0];
@@ -174,24 +174,24 @@ impl ResolvedMotion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::testing::{arms, states};
+    use crate::arm::testing::{arms, states};
     use proptest::prelude::*;
 
     proptest! {
         /// Any tip that some pose within the lengths has is reached from the middle.
         #[test]
         fn reaches_what_is_reachable(arm in arms(), seed in states()) {
-            prop_assume!(arm.sections.len() >= 2);
+            prop_assume!(arm.body.sections.len() >= 2);
             let m = arm.coordinates();
             let goal: Vec<f64> = seed.lengths(&arm).iter().map(|q| 0.2 + 0.4 * (q - 0.2)).collect();
-            let mut links = vec![Link::base(); arm.sections.len()];
-            pass(&arm, &goal, &[], Motion::Pose, &mut links);
-            let tip = Tip { position: links[arm.sections.len() - 1].position, direction: None };
+            let mut links = vec![Link::base(); arm.body.sections.len()];
+            pass(&arm.body, &goal, &[], Motion::Pose, &mut links);
+            let tip = Tip { position: links[arm.body.sections.len() - 1].position, direction: None };
             let mut solver = ResolvedMotion::new(&arm, Vec3::zero(), &vec![0.02; m], &vec![0.38; m]);
             let mut q = vec![0.2; m];
             solver.solve(&arm, &tip, &mut q).unwrap();
-            pass(&arm, &q, &[], Motion::Pose, &mut links);
-            let off = links[arm.sections.len() - 1].position - tip.position;
+            pass(&arm.body, &q, &[], Motion::Pose, &mut links);
+            let off = links[arm.body.sections.len() - 1].position - tip.position;
             prop_assert!(off.dot(off).sqrt() < 1e-6);
             // The redundancy is used: no farther from the middle than the pose it came from.
             let distance = |q: &[f64]| q.iter().map(|q| (q - 0.2).powi(2)).sum::<f64>();

@@ -10,20 +10,21 @@
 //! Limits: those of the model; at kinks of one-sided laws the derivative of the side that is taken.
 
 use super::Workspace;
+use super::applied::accumulate;
 use super::recursion::{Inertial, inertia_forces, left_over, motion_needed, solve};
 use super::terms::inertia_matrix_of;
-use crate::abreast::with_tangents;
 use crate::arm::Arm;
+use crate::arm::structure::with_tangents;
 use crate::effects;
-use crate::forces::{ForceSet, accumulate};
+use crate::forces::ForceSet;
 use crate::kinematics::chain::{Link, Local, pass_again};
-use crate::linear::Vec3;
 #[cfg(feature = "lanes")]
 use crate::real::Lanes;
 #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
 use crate::real::lanes::Neon;
 #[cfg(all(feature = "lanes", target_arch = "x86_64"))]
 use crate::real::lanes::{Avx2, Avx512};
+use crate::real::linear::Vec3;
 use crate::real::{Dual, InstructionSet, Kernel, Real};
 use std::fmt::Debug;
 use std::ops::Range;
@@ -48,7 +49,7 @@ pub trait Differentiator: Send + Debug {
     fn run(&mut self, at: Point<'_>, qdd: &mut [f64], out: &mut [f64]);
 }
 
-/// Of `arm` by state and pressures and along `tangents` (derivatives of its numbers, see [`crate::abreast::tangent`]).
+/// Of `arm` by state and pressures and along `tangents` (derivatives of its numbers, see [`crate::arm::structure::tangent`]).
 ///
 /// Eight directions a pass, where `set` has registers for them (and the processor has `set`), else four in ordinary
 /// numbers.
@@ -100,8 +101,8 @@ struct Plain {
 impl Plain {
     fn new(arm: &Arm) -> Self {
         let n = arm.coordinates();
-        let locals = vec![Local::zero(); arm.sections.len()];
-        let (acting, factor) = (vec![0.0; arm.inputs], vec![0.0; n * n]);
+        let locals = vec![Local::zero(); arm.body.sections.len()];
+        let (acting, factor) = (vec![0.0; arm.body.inputs], vec![0.0; n * n]);
         Self { arm: arm.clone(), ws: Workspace::new(arm), locals, acting, factor }
     }
 
@@ -109,8 +110,8 @@ impl Plain {
     fn run(&mut self, at: Point<'_>, qdd: &mut [f64]) {
         let Self { arm, ws, locals, acting, factor } = self;
         acting.copy_from_slice(at.p);
-        effects::pressures::at_rest(arm, acting);
-        pass_again(arm, at.q, at.qd, motion_needed(arm), 0..arm.sections.len(), locals, &mut ws.links);
+        effects::pressures::at_rest(&arm.effects, acting);
+        pass_again(&arm.body, at.q, at.qd, motion_needed(arm), 0..arm.body.sections.len(), locals, &mut ws.links);
         accumulate(arm, ForceSet::ALL, acting, at.f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
         solve(arm, ws, qdd);
         inertia_forces(arm, qdd, 0, &ws.links, &mut ws.inertial);
@@ -168,7 +169,7 @@ impl<const N: usize, T: Real> Lifted<N, T> {
         let blocks = tangents.chunks(Self::WIDTH);
         let tangent_arms =
             blocks.map(|b| with_tangents(arm, &b.iter().map(Vec::as_slice).collect::<Vec<_>>())).collect();
-        let (n, sections, zero) = (arm.coordinates(), arm.sections.len(), Dual::zero());
+        let (n, sections, zero) = (arm.coordinates(), arm.body.sections.len(), Dual::zero());
         Self {
             plain: Plain::new(arm),
             ws: Workspace::new(&lifted),
@@ -179,9 +180,9 @@ impl<const N: usize, T: Real> Lifted<N, T> {
             q: vec![zero; n],
             qd: vec![zero; n],
             qdd: vec![zero; n],
-            p: vec![zero; arm.inputs],
+            p: vec![zero; arm.body.inputs],
             forces: vec![Vec3::zero(); sections],
-            acting: vec![zero; arm.inputs],
+            acting: vec![zero; arm.body.inputs],
             residual: vec![zero; n],
             column: vec![T::zero(); n],
         }
@@ -212,7 +213,7 @@ impl<const N: usize, T: Real> Lifted<N, T> {
     fn act(&mut self, tangent: Option<usize>) {
         let arm = tangent.map_or(&self.arm, |k| &self.tangents[k]);
         self.acting.copy_from_slice(&self.p);
-        effects::pressures::at_rest(arm, &mut self.acting);
+        effects::pressures::at_rest(&arm.effects, &mut self.acting);
     }
 
     /// The residual, with the derivatives now in the coordinates of the sections `own`.
@@ -221,7 +222,7 @@ impl<const N: usize, T: Real> Lifted<N, T> {
         let arm = tangent.map_or(&self.arm, |k| &self.tangents[k]);
         let (ws, from) = (&mut self.ws, own.start);
         if !own.is_empty() {
-            pass_again(arm, &self.q, &self.qd, motion_needed(arm), own, &mut self.locals, &mut ws.links);
+            pass_again(&arm.body, &self.q, &self.qd, motion_needed(arm), own, &mut self.locals, &mut ws.links);
             inertia_forces(arm, &self.qdd, from, &ws.links, &mut ws.inertial);
         }
         accumulate(arm, set, &self.acting, Some(&self.forces), &ws.links, &mut ws.effects, &mut ws.loads);
@@ -319,7 +320,7 @@ impl<const N: usize, T: Real> Kernel for Derivatives<'_, N, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::testing::{arms, states};
+    use crate::arm::testing::{arms, states};
     use proptest::prelude::*;
 
     fn forward(arm: &Arm, x: &[f64]) -> Vec<f64> {
@@ -341,12 +342,12 @@ mod tests {
             let x: Vec<f64> = q.iter().chain(&qd).chain(&p).copied().collect();
             let heavier = |m: f64| {
                 let mut other = arm.clone();
-                other.sections[0].mass = m;
+                other.body.sections[0].mass = m;
                 other
             };
-            let mass = arm.sections[0].mass;
+            let mass = arm.body.sections[0].mass;
             let (a, b) = (heavier(2.0 * mass), heavier(mass));
-            let tangents = vec![crate::abreast::tangent(&[&a, &b], &[1.0 / mass, -1.0 / mass]).unwrap()];
+            let tangents = vec![crate::arm::structure::tangent(&[&a, &b], &[1.0 / mass, -1.0 / mass]).unwrap()];
             const WEIGHTS: [f64; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
             let difference = |f: &dyn Fn(f64) -> Vec<f64>, h: f64| {
                 let mut sum = vec![0.0; n];

@@ -43,11 +43,11 @@ impl<T: Real> Energy<T> {
 
 /// The energies at a state.
 pub fn energy<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) -> Energy<T> {
-    pass(arm, q, qd, Motion::Velocity, &mut ws.links);
+    pass(&arm.body, q, qd, Motion::Velocity, &mut ws.links);
     let zero = T::zero();
-    let gravity = gravity_energy(arm, &ws.links);
+    let gravity = gravity_energy(&arm.body, &ws.links);
     let mut e = Energy { translational: zero, rotational: zero, gravity, bending: zero, spring: zero };
-    for (section, link) in arm.sections.iter().zip(&ws.links) {
+    for (section, link) in arm.body.sections.iter().zip(&ws.links) {
         let (v, w) = (link.center_velocity(), link.angular_velocity);
         e.translational += section.mass * v.dot(v) * 0.5;
         e.rotational += w.dot(body_tensor(arm, section, link).mul_vec(w)) * 0.5;

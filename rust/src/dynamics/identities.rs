@@ -5,17 +5,18 @@ use super::energy::energy;
 use super::recursion::{forward_dynamics_into, inverse_dynamics_into};
 use super::statics::static_lengths;
 use super::terms::{actuation_matrix_into, coriolis_matrix_into, generalized_force_into, inertia_matrix_into};
-use super::testing::{Seed, arms, states};
 use crate::arm::Arm;
+use crate::arm::testing::{Seed, arms, states};
+use crate::body::Body;
+use crate::body::parameters::ForceModel;
 use crate::forces::ForceSet;
-use crate::linear::Vec3;
-use crate::parameters::ForceModel;
+use crate::real::linear::Vec3;
 use crate::real::{Dual, Real};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
 fn forces(seed: &Seed, arm: &Arm) -> Vec<Vec3<f64>> {
-    seed.numbers(3 * arm.sections.len()).chunks(3).map(|f| Vec3([f[0], f[1], f[2]])).collect()
+    seed.numbers(3 * arm.body.sections.len()).chunks(3).map(|f| Vec3([f[0], f[1], f[2]])).collect()
 }
 
 fn along(value: &[f64], rate: &[f64]) -> Vec<Dual<1>> {
@@ -59,7 +60,8 @@ proptest! {
         let (m, q, qd, p) = (arm.coordinates(), seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
         let f = forces(&seed, &arm);
         for reduced in [false, true] {
-            let arm = Arm { rotational_energy: !reduced, coriolis_forces: !reduced, ..arm.clone() };
+            let body = Body { rotational_energy: !reduced, coriolis_forces: !reduced, ..arm.body.clone() };
+            let arm = Arm { body, ..arm.clone() };
             let mut ws = Workspace::new(&arm);
             let (mut qdd, mut tau, mut expected) = (vec![0.0; m], vec![0.0; m], vec![0.0; m]);
             forward_dynamics_into(&arm, &q, &qd, &p, Some(&f), &mut ws, &mut qdd);
@@ -97,14 +99,14 @@ proptest! {
     fn actuation_matrix_is_d_tau_dp(arm in arms(), seed in states()) {
         let (m, q, p) = (arm.coordinates(), seed.lengths(&arm), seed.pressures(&arm));
         let mut ws = Workspace::new(&arm);
-        let mut matrix = vec![0.0; m * arm.inputs];
+        let mut matrix = vec![0.0; m * arm.body.inputs];
         actuation_matrix_into(&arm, &q, &mut ws, &mut matrix);
         let mut tau = vec![0.0; m];
         let set = ForceSet { actuation: true, ..ForceSet::NONE };
         generalized_force_into(&arm, set, (&q, &[]), &p, None, &mut ws, &mut tau);
         for i in 0..m {
-            let row = &matrix[i * arm.inputs..][..arm.inputs];
-            let product: f64 = row.iter().zip(&p).map(|(a, p)| a * (p - arm.ambient_pressure)).sum();
+            let row = &matrix[i * arm.body.inputs..][..arm.body.inputs];
+            let product: f64 = row.iter().zip(&p).map(|(a, p)| a * (p - arm.body.ambient_pressure)).sum();
             prop_assert!((product - tau[i]).abs() < 1e-9 * (1.0 + tau[i].abs()));
         }
     }
@@ -112,7 +114,8 @@ proptest! {
     /// With work_conjugate: dE/dt = pressure power + external power - dissipation.
     #[test]
     fn power_balances(arm in arms(), seed in states()) {
-        let arm = Arm { force_model: ForceModel::WorkConjugate, ..arm };
+        let mut arm = arm;
+        arm.body.force_model = ForceModel::WorkConjugate;
         let (m, q, qd, p) = (arm.coordinates(), seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
         let f = forces(&seed, &arm);
         let mut ws = Workspace::new(&arm);
@@ -137,7 +140,8 @@ proptest! {
     /// The potential's gradient is minus the generalized force of the conservative forces (work_conjugate).
     #[test]
     fn conservative_forces_have_a_potential(arm in arms(), seed in states(), j in 0..15_usize) {
-        let arm = Arm { force_model: ForceModel::WorkConjugate, ..arm };
+        let mut arm = arm;
+        arm.body.force_model = ForceModel::WorkConjugate;
         let (m, q) = (arm.coordinates(), seed.lengths(&arm));
         let j = j % m;
         let set = ForceSet { gravity: true, bending: true, spring: true, ..ForceSet::NONE };
@@ -153,15 +157,15 @@ proptest! {
     #[test]
     fn turning_permutes_the_bellows(arm in arms(), seed in states()) {
         let mut arm = arm;
-        for s in &mut arm.sections {
+        for s in &mut arm.body.sections {
             s.inertia.0[1] = s.inertia.0[0];
         }
         let (m, q, qd, p) = (arm.coordinates(), seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
         let mut turned = arm.clone();
         let (c, s) = (-0.5, 0.75_f64.sqrt());
         let turn = |v: Vec3<f64>| Vec3([c * v.x() - s * v.y(), s * v.x() + c * v.y(), v.z()]);
-        turned.gravity = turn(arm.gravity);
-        for (section, original) in turned.sections.iter_mut().zip(&arm.sections) {
+        turned.body.gravity = turn(arm.body.gravity);
+        for (section, original) in turned.body.sections.iter_mut().zip(&arm.body.sections) {
             section.center_of_mass = turn(original.center_of_mass);
             section.force_point = turn(original.force_point);
         }
@@ -179,8 +183,8 @@ proptest! {
     #[test]
     fn planar_motion_stays_planar(arm in arms(), seed in states()) {
         let mut arm = arm;
-        arm.gravity.0[1] = 0.0;
-        for s in &mut arm.sections {
+        arm.body.gravity.0[1] = 0.0;
+        for s in &mut arm.body.sections {
             s.center_of_mass.0[1] = 0.0;
             s.force_point.0[1] = 0.0;
         }

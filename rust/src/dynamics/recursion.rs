@@ -9,11 +9,13 @@
 //! section length ensure even without rotational energy.
 
 use super::Workspace;
-use crate::arm::{Arm, Section};
-use crate::forces::{ForceSet, Load, Wrench, accumulate, on_joint};
+use super::applied::accumulate;
+use crate::arm::Arm;
+use crate::body::Section;
+use crate::forces::{ForceSet, Load, Wrench, on_joint};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
-use crate::linear::{Mat3, Sym3, Vec3};
+use crate::real::linear::{Mat3, Sym3, Vec3};
 use crate::real::{Real, kernel};
 
 /// A spatial inertia about O: [[rotational, coupling], [coupling^T, translational]].
@@ -81,7 +83,7 @@ impl<T: Real> Joint<T> {
 /// The section's own inertia tensor in the base frame; zero where the arm leaves rotational energy out.
 #[inline(always)]
 pub(crate) fn body_tensor<T: Real>(arm: &Arm<T>, section: &Section<T>, link: &Link<T>) -> Sym3<T> {
-    if !arm.rotational_energy {
+    if !arm.body.rotational_energy {
         return Sym3::zero();
     }
     let diagonal = section.inertia;
@@ -126,14 +128,14 @@ pub fn forward_dynamics_into<T: Real>(
 pub(crate) fn motion_needed<T: Real>(arm: &Arm<T>) -> Motion {
     // Effects may act on the velocities of heads, whether or not Coriolis forces count.
     let without = if arm.effects.list.is_empty() { Motion::Pose } else { Motion::Velocity };
-    if arm.coriolis_forces { Motion::Bias } else { without }
+    if arm.body.coriolis_forces { Motion::Bias } else { without }
 }
 
 /// The kinematics of that motion.
 #[inline(always)]
 fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
     let motion = motion_needed(arm);
-    pass(arm, q, qd, motion, &mut ws.links);
+    pass(&arm.body, q, qd, motion, &mut ws.links);
     if motion == Motion::Pose {
         joint_rates(arm, qd, &mut ws.links);
     }
@@ -142,7 +144,7 @@ fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) 
 /// Rates of (u, v, l) alone, for damping where velocities are left out of the rest.
 #[inline(always)]
 fn joint_rates<T: Real>(arm: &Arm<T>, qd: &[T], links: &mut [Link<T>]) {
-    for (i, (section, link)) in arm.sections.iter().zip(links).enumerate() {
+    for (i, (section, link)) in arm.body.sections.iter().zip(links).enumerate() {
         link.rate = arc_from_lengths(Vec3([qd[3 * i], qd[3 * i + 1], qd[3 * i + 2]]), section.inverse_radius);
     }
 }
@@ -154,11 +156,11 @@ kernel! {
         let (links, loads, joints) = (links.as_slice(), loads.as_slice(), joints.as_mut_slice());
         let mut inertia = Inertia::zero();
         let mut bias = Wrench::zero();
-        for (i, section) in arm.sections.iter().enumerate().rev() {
+        for (i, section) in arm.body.sections.iter().enumerate().rev() {
             let (link, load) = (&links[i], &loads[i]);
             let tensor = body_tensor(arm, section, link);
             inertia = inertia.add(&Inertia::of_body(section, link, &tensor));
-            if arm.coriolis_forces {
+            if arm.body.coriolis_forces {
                 bias.add(inertia_wrench(section, link, &tensor));
             }
             bias.torque -= load.on_head.torque;
@@ -170,7 +172,7 @@ kernel! {
             joints[i] = joint;
         }
         let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
-        for (i, section) in arm.sections.iter().enumerate() {
+        for (i, section) in arm.body.sections.iter().enumerate() {
             let (joint, s) = (&joints[i], &links[i].subspace);
             let u = &joint.u;
             let carried = [power(angular, linear, &u[0]), power(angular, linear, &u[1]), power(angular, linear, &u[2])];
@@ -268,7 +270,7 @@ kernel! {
     ) {
         // Joint accelerations as a motion about O, which grows up the chain: A = sum S q''.
         let Inertial { mut angular, mut linear, .. } = if from == 0 { Inertial::zero() } else { inertial[from - 1] };
-        for (i, section) in arm.sections.iter().enumerate().skip(from) {
+        for (i, section) in arm.body.sections.iter().enumerate().skip(from) {
             let link = &links[i];
             let lengths = Vec3([qdd[3 * i], qdd[3 * i + 1], qdd[3 * i + 2]]);
             let (da, dl) = link.subspace.twist(arc_from_lengths(lengths, section.inverse_radius));
@@ -277,7 +279,7 @@ kernel! {
             let tensor = body_tensor(arm, section, link);
             let (torque, force) = Inertia::of_body(section, link, &tensor).mul(angular, linear);
             let mut wrench = Wrench { torque, force };
-            if arm.coriolis_forces {
+            if arm.body.coriolis_forces {
                 wrench.add(inertia_wrench(section, link, &tensor));
             }
             inertial[i] = Inertial { angular, linear, wrench };
@@ -300,7 +302,7 @@ kernel! {
             load.on_head.force -= inertial.wrench.force;
         }
         crate::forces::project(links, loads, |i, force| {
-            let f = force_on_lengths(force, arm.sections[i].inverse_radius);
+            let f = force_on_lengths(force, arm.body.sections[i].inverse_radius);
             out[3 * i..3 * i + 3].copy_from_slice(&f.0);
         });
     }

@@ -8,10 +8,11 @@
 use super::Workspace;
 use super::terms::generalized_force_into;
 use crate::arm::Arm;
+use crate::effects;
 use crate::error::{Error, Result};
 use crate::forces::{ForceSet, length};
 use crate::kinematics::coordinates::{arc_from_lengths, lengths_from_arc};
-use crate::linear::{Sym3, Vec3};
+use crate::real::linear::{Sym3, Vec3};
 use crate::real::{Dual, Real};
 use nalgebra::{DMatrix, DVector};
 
@@ -157,7 +158,7 @@ pub fn static_lengths_until(
 
 /// Lengths at rest, if the mean length of every section is positive, as it must be in a simulation too.
 fn possible(arm: &Arm<f64>, q: Vec<f64>) -> Result<Vec<f64>> {
-    for (i, lengths) in q.chunks_exact(3).enumerate().take(arm.sections.len()) {
+    for (i, lengths) in q.chunks_exact(3).enumerate().take(arm.body.sections.len()) {
         let mean = lengths.iter().sum::<f64>() / 3.0;
         if mean <= 0.0 {
             return Err(Error::Convergence(format!(
@@ -181,7 +182,7 @@ pub fn static_decoupled_lengths(arm: &Arm<f64>, p: &[f64]) -> Result<Vec<f64>> {
 /// The same wherever the lengths are.
 fn decoupled(arm: &Arm<f64>, p: &[f64]) -> Result<Vec<f64>> {
     let mut out = Vec::with_capacity(arm.coordinates());
-    for (i, section) in arm.sections.iter().enumerate() {
+    for (i, section) in arm.body.sections.iter().enumerate() {
         let count = section.bellows.len() as f64;
         let mean_rest = section.bellows.iter().map(|b| b.rest_length).sum::<f64>() / count;
         let mut arc = Vec3([0.0, 0.0, mean_rest]);
@@ -193,7 +194,7 @@ fn decoupled(arm: &Arm<f64>, p: &[f64]) -> Result<Vec<f64>> {
             let (mut force, mut stiffness) = (Vec3::zero(), Sym3::zero());
             for b in &section.bellows {
                 let e = length(b, arc) - b.rest_length;
-                let (mut f, mut k) = (b.terminal_area * (p[b.input] - arm.ambient_pressure), 0.0);
+                let (mut f, mut k) = (b.terminal_area * (p[b.input] - arm.body.ambient_pressure), 0.0);
                 for (j, s) in b.stiffness[..b.stiffness_terms].iter().enumerate() {
                     let power = e.powi(j as i32);
                     f -= s * power * e;
@@ -233,4 +234,13 @@ fn decoupled(arm: &Arm<f64>, p: &[f64]) -> Result<Vec<f64>> {
         out.extend(lengths.0);
     }
     Ok(out)
+}
+/// Lengths at rest under chamber pressures `p`, of which effects on pressures make the acting ones.
+///
+/// # Errors
+/// As for [`static_lengths_until`].
+pub fn rest(arm: &Arm, p: &[f64], start: Option<&[f64]>, stop: &mut impl FnMut() -> bool) -> Result<Vec<f64>> {
+    let mut acting = p.to_vec();
+    effects::pressures::at_rest(&arm.effects, &mut acting);
+    static_lengths_until(arm, &acting, None, start, stop)
 }

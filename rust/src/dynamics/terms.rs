@@ -5,14 +5,15 @@
 //! Matrices are row by row, coordinates are the lengths. O(n^2), which is their size.
 
 use super::Workspace;
+use super::applied::accumulate;
 use super::recursion::{Inertia, body_tensor};
 use crate::arm::Arm;
-use crate::forces::{ForceSet, accumulate, project};
+use crate::forces::{ForceSet, project};
 use crate::kinematics::chain::{Link, Motion, pass, subspace_rate};
 use crate::kinematics::coordinates::force_on_lengths;
 use crate::kinematics::section::Subspace;
-use crate::linear::{Mat3, Vec3};
 use crate::real::Real;
+use crate::real::linear::{Mat3, Vec3};
 
 /// S^T (angular, linear) for the three columns of a subspace.
 #[inline(always)]
@@ -49,7 +50,7 @@ fn write_block<T: Real>(
 
 /// M(q), (49), into `out` (m x m, row by row).
 pub fn inertia_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
-    pass(arm, q, &[], Motion::Pose, &mut ws.links);
+    pass(&arm.body, q, &[], Motion::Pose, &mut ws.links);
     inertia_matrix_of(arm, &ws.links, out);
 }
 
@@ -58,7 +59,7 @@ pub(crate) fn inertia_matrix_of<T: Real>(arm: &Arm<T>, links: &[Link<T>], out: &
     let m = arm.coordinates();
     let mut composite = Inertia::zero();
     for i in (0..links.len()).rev() {
-        let (section, link) = (&arm.sections[i], &links[i]);
+        let (section, link) = (&arm.body.sections[i], &links[i]);
         composite = composite.add(&Inertia::of_body(section, link, &body_tensor(arm, section, link)));
         let momenta = [0, 1, 2].map(|k| {
             let (a, l) = column(&link.subspace, k);
@@ -66,7 +67,7 @@ pub(crate) fn inertia_matrix_of<T: Real>(arm: &Arm<T>, links: &[Link<T>], out: &
         });
         for j in 0..=i {
             let columns = momenta.map(|w| transposed(&links[j].subspace, w));
-            let (rj, ri) = (arm.sections[j].inverse_radius, section.inverse_radius);
+            let (rj, ri) = (arm.body.sections[j].inverse_radius, section.inverse_radius);
             write_block(columns, (j, rj), (i, ri), m, out);
             for r in 0..3 {
                 for c in 0..3 {
@@ -95,15 +96,15 @@ impl<T: Real> Gyration<T> {
 /// C(q, q'), (50), into `out` (m x m, row by row); zero where the arm leaves Coriolis forces out.
 pub fn coriolis_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
     out.fill(T::zero());
-    if !arm.coriolis_forces {
+    if !arm.body.coriolis_forces {
         return;
     }
-    pass(arm, q, qd, Motion::Velocity, &mut ws.links);
+    pass(&arm.body, q, qd, Motion::Velocity, &mut ws.links);
     let (m, links) = (arm.coordinates(), &ws.links);
     let mut composite = Inertia::zero();
     let mut gyration = Gyration { rotational: Mat3::zero(), translational: Mat3::zero() };
     for upper in (0..links.len()).rev() {
-        let (section, link) = (&arm.sections[upper], &links[upper]);
+        let (section, link) = (&arm.body.sections[upper], &links[upper]);
         let tensor = body_tensor(arm, section, link);
         composite = composite.add(&Inertia::of_body(section, link, &tensor));
         let own = Gyration::of_body(section.mass, link, &tensor.to_mat());
@@ -115,7 +116,7 @@ pub fn coriolis_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut W
                 if row == upper && col == upper && other != upper {
                     continue;
                 }
-                let (s, s_t) = (&links[col].subspace, subspace_rate(arm, links, col));
+                let (s, s_t) = (&links[col].subspace, subspace_rate(&arm.body, links, col));
                 let columns = [0, 1, 2].map(|k| {
                     let ((a, _), (a_t, l_t)) = (column(s, k), column(&s_t, k));
                     let (torque, force) = composite.mul(a_t, l_t);
@@ -123,7 +124,7 @@ pub fn coriolis_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut W
                     let force = force + gyration.translational.mul_vec(a);
                     transposed(&links[row].subspace, (torque, force))
                 });
-                let (rr, rc) = (arm.sections[row].inverse_radius, arm.sections[col].inverse_radius);
+                let (rr, rc) = (arm.body.sections[row].inverse_radius, arm.body.sections[col].inverse_radius);
                 write_block(columns, (row, rr), (col, rc), m, out);
             }
         }
@@ -145,37 +146,37 @@ pub fn generalized_force_into<T: Real>(
 ) {
     let moving = !qd.is_empty() && (set.damping || !arm.effects.list.is_empty());
     let motion = if moving { Motion::Velocity } else { Motion::Pose };
-    pass(arm, q, qd, motion, &mut ws.links);
+    pass(&arm.body, q, qd, motion, &mut ws.links);
     accumulate(arm, set, p, f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
     project(&ws.links, &ws.loads, |i, force| {
-        let f = force_on_lengths(force, arm.sections[i].inverse_radius);
+        let f = force_on_lengths(force, arm.body.sections[i].inverse_radius);
         out[3 * i..3 * i + 3].copy_from_slice(&f.0);
     });
 }
 
 /// d tau/dp into `out` (coordinates x inputs, row by row): tau(q, p) = A(q) (p - p_amb), for all inputs at once.
 pub fn actuation_matrix_into<T: Real>(arm: &Arm<T>, q: &[T], ws: &mut Workspace<T>, out: &mut [T]) {
-    pass(arm, q, &[], Motion::Pose, &mut ws.links);
-    let mut p = vec![arm.ambient_pressure; arm.inputs];
+    pass(&arm.body, q, &[], Motion::Pose, &mut ws.links);
+    let mut p = vec![arm.body.ambient_pressure; arm.body.inputs];
     actuation_columns(arm, ws, &mut p, out);
 }
 
 /// The same from a pass in the work space, without allocating: `p` (one an input) is work space.
 pub fn actuation_columns<T: Real>(arm: &Arm<T>, ws: &mut Workspace<T>, p: &mut [T], out: &mut [T]) {
-    let inputs = arm.inputs;
+    let inputs = arm.body.inputs;
     let set = ForceSet { actuation: true, ..ForceSet::NONE };
-    p.fill(arm.ambient_pressure);
+    p.fill(arm.body.ambient_pressure);
     for j in 0..inputs {
-        p[j] = arm.ambient_pressure + 1.0;
+        p[j] = arm.body.ambient_pressure + 1.0;
         // One pascal above ambient loses digits against 1e5 Pa; the difference actually represented is divided out.
-        let unit = (p[j] - arm.ambient_pressure).recip();
+        let unit = (p[j] - arm.body.ambient_pressure).recip();
         accumulate(arm, set, p, None, &ws.links, &mut ws.effects, &mut ws.loads);
         project(&ws.links, &ws.loads, |i, force| {
-            let f = force_on_lengths(force * unit, arm.sections[i].inverse_radius);
+            let f = force_on_lengths(force * unit, arm.body.sections[i].inverse_radius);
             for k in 0..3 {
                 out[(3 * i + k) * inputs + j] = f.0[k];
             }
         });
-        p[j] = arm.ambient_pressure;
+        p[j] = arm.body.ambient_pressure;
     }
 }

@@ -5,8 +5,8 @@ use crate::arm::Arm;
 use crate::effects::EffectState;
 use crate::forces::Load;
 use crate::kinematics::chain::Link;
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 
 /// Work space of one arm: nothing inside a step allocates.
 #[derive(Clone, Debug)]
@@ -28,14 +28,14 @@ pub struct Workspace<T = f64> {
 impl<T: Real> Workspace<T> {
     /// Work space for `arm`.
     pub fn new(arm: &Arm<T>) -> Self {
-        let n = arm.sections.len();
+        let n = arm.body.sections.len();
         Self {
             links: vec![Link::base(); n],
             loads: vec![Load::zero(); n],
             joints: vec![Joint::zero(); n],
             inertial: vec![Inertial::zero(); n],
             external: vec![Vec3::zero(); n],
-            effects: EffectState::new(arm),
+            effects: EffectState::new(&arm.body, &arm.effects),
         }
     }
 }

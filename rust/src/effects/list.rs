@@ -1,7 +1,8 @@
 //! The effects of one arm: checked, resolved to its parts, over any scalar.
 
-use super::{Definition, EffectParameters, KINDS, Kind, KindInfo, Parameter, Place, Target};
-use crate::arm::Arm;
+use super::{Definition, KINDS, Kind, KindInfo, Parameter, Place, Target};
+use crate::body::Body;
+use crate::body::parameters::EffectParameters;
 use crate::error::{Error, Result};
 use crate::real::Real;
 use std::ops::Range;
@@ -31,19 +32,29 @@ impl<T: Real> Entry<T> {
     }
 }
 
-/// The effects of one arm, in the order of the file.
+/// The effects of one body, in the order of the file.
 #[derive(Clone, Debug)]
 pub struct Effects<T> {
     /// One after the other.
     pub list: Vec<Entry<T>>,
     /// Whether those that change the arm's parameters have done so.
-    pub(crate) applied: bool,
+    applied: bool,
 }
 
 impl<T: Real> Effects<T> {
     /// No effects.
     pub fn none() -> Self {
         Self { list: Vec::new(), applied: true }
+    }
+
+    /// Changes `body` as those effects say that do so; once, a second call changes nothing.
+    pub fn apply(&mut self, body: &mut Body<T>) {
+        if !self.applied {
+            for entry in &self.list {
+                entry.kind.change_arm(body);
+            }
+            self.applied = true;
+        }
     }
 
     /// Number of hidden states of all.
@@ -73,7 +84,7 @@ impl<T: Real> Effects<T> {
 
     /// Sets one number of effect `index`.
     ///
-    /// Those that change the arm's parameters must not have done so yet: see [`Arm::unapplied`].
+    /// Those that change the arm's parameters must not have done so yet: see `Arm::unapplied`.
     ///
     /// # Errors
     /// [`Error::Input`] for an effect or a name that does not exist, or a change that would come too late.
@@ -103,15 +114,15 @@ fn wrong(place: &str, key: &'static str, found: String, allowed: String) -> Erro
 }
 
 impl Effects<f64> {
-    /// The effects that `parameters` describe, for `arm` (without effects) with the given input names.
+    /// The effects that `parameters` describe, for `body` with the given input names.
     ///
     /// # Errors
     /// [`Error::Effect`] names the effect, the key, what was found and what is allowed.
-    pub fn new(parameters: &[EffectParameters], arm: &Arm<f64>, inputs: &[String]) -> Result<Self> {
+    pub fn new(parameters: &[EffectParameters], body: &Body<f64>, inputs: &[String]) -> Result<Self> {
         let mut list: Vec<Entry<f64>> = Vec::with_capacity(parameters.len());
         let mut hidden = 0;
         for (number, p) in parameters.iter().enumerate() {
-            let mut entry = entry(number, p, arm, inputs)?;
+            let mut entry = entry(number, p, body, inputs)?;
             for (other, before) in list.iter().enumerate() {
                 let same = before.index == entry.index && before.definition.place == entry.definition.place;
                 if same
@@ -131,7 +142,7 @@ impl Effects<f64> {
 }
 
 /// One `[[effect]]` table, checked.
-fn entry(number: usize, p: &EffectParameters, arm: &Arm<f64>, inputs: &[String]) -> Result<Entry<f64>> {
+fn entry(number: usize, p: &EffectParameters, body: &Body<f64>, inputs: &[String]) -> Result<Entry<f64>> {
     let place_text = format!("effect {}", number + 1);
     let Some(index) = KINDS.iter().position(|k| k.name == p.kind) else {
         let names: Vec<_> = KINDS.iter().map(|k| k.name).collect();
@@ -142,7 +153,7 @@ fn entry(number: usize, p: &EffectParameters, arm: &Arm<f64>, inputs: &[String])
     let place = Place::parse(&p.place)
         .filter(|place| info.places.contains(&place.kind()))
         .ok_or_else(|| wrong(&at, "where", p.place.clone(), format!("{} is needed", places_text(info.places))))?;
-    let target = Target::new(&place, arm, inputs).map_err(|allowed| wrong(&at, "where", p.place.clone(), allowed))?;
+    let target = Target::new(&place, body, inputs).map_err(|allowed| wrong(&at, "where", p.place.clone(), allowed))?;
     let program = match (&p.force, info.name == "formula") {
         (Some(text), true) => {
             let names: Vec<&str> = p.parameters.keys().map(String::as_str).collect();
@@ -164,8 +175,8 @@ fn entry(number: usize, p: &EffectParameters, arm: &Arm<f64>, inputs: &[String])
     } else {
         (info.parameters.iter().map(|q| q.name.to_owned()).collect(), numbers(&at, info, p)?)
     };
-    let definition = Arc::new(Definition { place, target, ambient_pressure: arm.ambient_pressure, program });
-    if let Some(reason) = (info.objection)(&values, &definition, arm) {
+    let definition = Arc::new(Definition { place, target, ambient_pressure: body.ambient_pressure, program });
+    if let Some(reason) = (info.objection)(&values, &definition, body) {
         return Err(wrong(&at, "parameters", format!("{values:?}"), reason));
     }
     let kind = Kind::new(index, &definition, &values);

@@ -1,14 +1,14 @@
 //! Effects that the paper's model leaves out: one file each in [`kinds`], all behind one trait, [`Effect`]; the registry
-//! is the one macro call in `kinds/mod.rs`, one line a kind.
+//! is the one macro call in `kinds/mod.rs`, one line a kind. Hooks see the arm's body, not its effects.
 //!
-//! An effect has a kind, a place and named numbers ([`EffectParameters`], the `[[effect]]` tables of a parameter file).
+//! An effect has a kind, a place and named numbers (`EffectParameters`, the `[[effect]]` tables of a parameter file).
 //! Kind and place are structure; the numbers are of the model's scalar, so that lanes and dual numbers can vary them.
 //! A kind acts through the hooks of [`Effect`], each of which does nothing unless a kind defines it:
 //!
 //! | hook | acts on | when |
 //! |---|---|---|
 //! | [`Effect::change_arm`] | the arm's parameters | once; free at run time |
-//! | [`Effect::add_forces`] | bellows forces, bending torques, wrenches on heads | in the one sum, `forces::accumulate` |
+//! | [`Effect::add_forces`] | bellows forces, bending torques, wrenches on heads | in the one sum, `dynamics::applied` |
 //! | [`Effect::pressures`] | pressures between the logged (or commanded) and the acting ones | as time goes on ([`pressures`]) |
 //! | [`Effect::measure`], [`Effect::sensor_delay`] | lengths between the true and the measured ones | at output ([`sensors`]) |
 //! | [`Effect::head_delay`] | poses of heads between the true and the measured ones | at output ([`sensors`]) |
@@ -39,30 +39,11 @@ pub use place::{Place, Target};
 pub use state::{BellowsState, EffectState, Instant};
 
 use self::kinds::formula;
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::real::Real;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
-
-/// An `[[effect]]` table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EffectParameters {
-    /// Kind, a name of the registry.
-    pub kind: String,
-    /// Place: `all`, `section 2`, `bellows 32`, `input p13`, `sensors`.
-    #[serde(rename = "where")]
-    pub place: String,
-    /// Numbers by name, SI.
-    #[serde(default)]
-    pub parameters: BTreeMap<String, f64>,
-    /// The force of a `formula`.
-    #[serde(default)]
-    pub force: Option<String>,
-}
 
 /// What the registry knows of a parameter of a kind.
 #[derive(Clone, Debug, PartialEq)]
@@ -144,12 +125,12 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     fn new(definition: &Definition, values: &[T]) -> Self;
 
     /// What is wrong with these values that their ranges do not say, if anything.
-    fn objection(_values: &[f64], _definition: &Definition, _arm: &Arm<f64>) -> Option<String> {
+    fn objection(_values: &[f64], _definition: &Definition, _body: &Body<f64>) -> Option<String> {
         None
     }
 
     /// Changes the arm's parameters, once.
-    fn change_arm(&self, _arm: &mut Arm<T>) {}
+    fn change_arm(&self, _body: &mut Body<T>) {}
 
     /// Whether its force belongs to tau, since it depends on pressure, and not to N.
     #[inline(always)]

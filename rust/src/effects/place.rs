@@ -1,7 +1,7 @@
 //! Places: how a file names them and which parts of an arm they mean.
 
 use super::PlaceKind;
-use crate::arm::Arm;
+use crate::body::Body;
 use std::fmt;
 use std::ops::Range;
 
@@ -85,8 +85,8 @@ pub struct Target {
 }
 
 /// The inputs of a section's bellows; none if they are not neighbours in the arm's order of inputs.
-fn section_inputs<T>(arm: &Arm<T>, section: usize) -> Range<usize> {
-    let fed = || arm.sections[section].bellows.iter().map(|b| b.input);
+fn section_inputs<T>(body: &Body<T>, section: usize) -> Range<usize> {
+    let fed = || body.sections[section].bellows.iter().map(|b| b.input);
     match (fed().min(), fed().max()) {
         (Some(first), Some(last)) if (first..=last).all(|j| fed().any(|k| k == j)) => first..last + 1,
         _ => 0..0,
@@ -94,14 +94,14 @@ fn section_inputs<T>(arm: &Arm<T>, section: usize) -> Range<usize> {
 }
 
 impl Target {
-    /// What `place` means on `arm` with the given input names, or what is wrong with it.
-    pub fn new<T>(place: &Place, arm: &Arm<T>, inputs: &[String]) -> Result<Self, String> {
-        let sections = arm.sections.len();
-        let starts: Vec<usize> = arm
+    /// What `place` means on `body` with the given input names, or what is wrong with it.
+    pub fn new<T>(place: &Place, body: &Body<T>, inputs: &[String]) -> Result<Self, String> {
+        let sections = body.sections.len();
+        let starts: Vec<usize> = body
             .sections
             .iter()
             .scan(0, |sum, s| Some(std::mem::replace(sum, *sum + s.bellows.len())))
-            .chain([arm.sections.iter().map(|s| s.bellows.len()).sum()])
+            .chain([body.sections.iter().map(|s| s.bellows.len()).sum()])
             .collect();
         let section = |i: usize| {
             if (1..=sections).contains(&i) {
@@ -122,13 +122,13 @@ impl Target {
                 Ok(Self {
                     sections: i..i + 1,
                     bellows: starts[i]..starts[i + 1],
-                    inputs: section_inputs(arm, i),
+                    inputs: section_inputs(body, i),
                     lengths: 3 * i..3 * i + 3,
                 })
             }
             Place::Bellows(i, k) => {
                 let i = section(*i)?;
-                let count = arm.sections[i].bellows.len();
+                let count = body.sections[i].bellows.len();
                 if *k == 0 || *k > count.max(3) {
                     return Err(format!("section {} has no bellows {k}; bellows 1 to {count} exist", i + 1));
                 }

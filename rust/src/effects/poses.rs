@@ -1,23 +1,30 @@
 //! Poses of the heads as a camera sees them: with the effects that act on poses only.
 
-use crate::arm::Arm;
+use super::Effects;
+use crate::body::Body;
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::section::{Bent, Pose};
-use crate::linear::{Mat3, Vec3};
 use crate::real::Real;
+use crate::real::linear::{Mat3, Vec3};
 
-/// Whether an arm has effects that act on poses.
-pub fn acts<T: Real>(arm: &Arm<T>) -> bool {
-    arm.effects.list.iter().any(|e| e.info().needs_poses)
+/// Whether some of an arm's effects act on poses.
+pub fn acts<T: Real>(effects: &Effects<T>) -> bool {
+    effects.list.iter().any(|e| e.info().needs_poses)
 }
 
 /// Poses of all heads at lengths `q` as a camera sees them, in order; `links` is work space, one a section.
 #[inline(always)]
-pub fn seen<T: Real>(arm: &Arm<T>, q: &[T], links: &mut [Link<T>], mut each: impl FnMut(usize, Pose<T>)) {
-    pass(arm, q, &[], Motion::Pose, links);
-    if acts(arm) {
+pub fn seen<T: Real>(
+    body: &Body<T>,
+    effects: &Effects<T>,
+    q: &[T],
+    links: &mut [Link<T>],
+    mut each: impl FnMut(usize, Pose<T>),
+) {
+    pass(body, q, &[], Motion::Pose, links);
+    if acts(effects) {
         let mut section = 0;
-        heads(arm, links, |head| {
+        heads(body, effects, links, |head| {
             each(section, head);
             section += 1;
         });
@@ -29,23 +36,23 @@ pub fn seen<T: Real>(arm: &Arm<T>, q: &[T], links: &mut [Link<T>], mut each: imp
 }
 
 /// Poses of all heads from the links of a pass, in order.
-pub fn heads<T: Real>(arm: &Arm<T>, links: &[Link<T>], mut each: impl FnMut(Pose<T>)) {
+pub fn heads<T: Real>(body: &Body<T>, effects: &Effects<T>, links: &[Link<T>], mut each: impl FnMut(Pose<T>)) {
     let mut below = Pose { rotation: Mat3::identity(), position: Vec3::zero() };
     for (i, link) in links.iter().enumerate() {
-        let local = local(arm, i, link.arc);
+        let local = local(body, effects, i, link.arc);
         let untwisted = below.rotation.mul_mat(&local.rotation);
         below.position += below.rotation.mul_vec(local.position);
-        let angle = twist(arm, i, links);
+        let angle = twist(body, effects, i, links);
         below.rotation = untwisted.mul_mat(&about_z(angle));
         each(below);
     }
 }
 
 /// The pose of section `i` in its base's frame, its halves bent differently where an effect says so.
-fn local<T: Real>(arm: &Arm<T>, i: usize, arc: Vec3<T>) -> Pose<T> {
-    let section = &arm.sections[i];
+fn local<T: Real>(body: &Body<T>, effects: &Effects<T>, i: usize, arc: Vec3<T>) -> Pose<T> {
+    let section = &body.sections[i];
     let mut asymmetry: Option<T> = None;
-    for entry in &arm.effects.list {
+    for entry in &effects.list {
         if let Some(c) = entry.kind.bend(i) {
             asymmetry = Some(asymmetry.map_or(c, |sum| sum + c));
         }
@@ -64,13 +71,13 @@ fn local<T: Real>(arm: &Arm<T>, i: usize, arc: Vec3<T>) -> Pose<T> {
 }
 
 /// The angle by which section `i` twists under the weights it carries.
-fn twist<T: Real>(arm: &Arm<T>, i: usize, links: &[Link<T>]) -> T {
+fn twist<T: Real>(body: &Body<T>, effects: &Effects<T>, i: usize, links: &[Link<T>]) -> T {
     let mut torque = T::zero();
     let axis = links[i].rotation.column(2);
-    for (section, link) in arm.sections.iter().zip(links).skip(i) {
-        torque += axis.dot((link.center - links[i].position).cross(arm.gravity * section.mass));
+    for (section, link) in body.sections.iter().zip(links).skip(i) {
+        torque += axis.dot((link.center - links[i].position).cross(body.gravity * section.mass));
     }
-    arm.effects.list.iter().filter_map(|e| e.kind.twist(i, torque)).fold(T::zero(), |sum, a| sum + a)
+    effects.list.iter().filter_map(|e| e.kind.twist(i, torque)).fold(T::zero(), |sum, a| sum + a)
 }
 
 /// Rotation about z by a small angle, orthogonal to rounding: Cayley's form, exact to third order.

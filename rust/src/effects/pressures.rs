@@ -5,8 +5,8 @@
 //! the step's start when a step is begun again. Every stage is exact on a straight piece of what comes in (see the kinds); a stage after
 //! a lag gets the chord of the lag's output, an error of second order in the distance of samples.
 
+use super::Effects;
 use super::upstream::Upstream;
-use crate::arm::Arm;
 use crate::real::{Real, kernel};
 
 /// The pressures of one run on their way through the chain.
@@ -30,10 +30,10 @@ pub struct PressureChain<T> {
 }
 
 impl<T: Real> PressureChain<T> {
-    /// The chain of `arm`; none where no effect acts on pressures. At rest at `start` under what comes in then.
-    pub fn new(arm: &Arm<T>, input: &mut impl Upstream<T>, start: f64) -> Option<Self> {
-        let list = &arm.effects.list;
-        let delays: Vec<Option<T>> = (0..arm.inputs)
+    /// The chain of an arm with `effects` and so many pressure inputs; none where no effect acts on pressures. At rest at `start` under what comes in then.
+    pub fn new(effects: &Effects<T>, inputs: usize, input: &mut impl Upstream<T>, start: f64) -> Option<Self> {
+        let list = &effects.list;
+        let delays: Vec<Option<T>> = (0..inputs)
             .map(|j| {
                 list.iter()
                     .filter_map(|e| e.kind.input_delay(j))
@@ -44,11 +44,11 @@ impl<T: Real> PressureChain<T> {
         if stages.is_empty() && delays.iter().all(Option::is_none) {
             return None;
         }
-        let values = vec![T::zero(); arm.inputs * (stages.len() + 1)];
+        let values = vec![T::zero(); inputs * (stages.len() + 1)];
         let mut chain = Self {
             delays,
             stages,
-            inputs: arm.inputs,
+            inputs,
             start_values: values.clone(),
             next: values.clone(),
             values,
@@ -63,7 +63,7 @@ impl<T: Real> PressureChain<T> {
             let (before, after) = chain.next.split_at_mut(n * (k + 1));
             let out = &mut after[..n];
             out.copy_from_slice(&before[n * k..]);
-            arm.effects.list[stage].kind.pressures_at_rest(out);
+            effects.list[stage].kind.pressures_at_rest(out);
         }
         chain.values.copy_from_slice(&chain.next);
         chain.start_values.copy_from_slice(&chain.next);
@@ -87,36 +87,36 @@ impl<T: Real> PressureChain<T> {
 
     /// A step from `t0` to `t1` begins, or begins again.
     #[inline(always)]
-    pub fn begin_step(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t0: f64, t1: f64) {
+    pub fn begin_step(&mut self, effects: &Effects<T>, input: &mut impl Upstream<T>, t0: f64, t1: f64) {
         (self.start, self.time, self.end) = (t0, T::from_f64(t0), t1);
         // What comes in may have jumped.
         self.values.copy_from_slice(&self.start_values);
         self.read(input, self.time);
         let n = self.inputs;
         self.values[..n].copy_from_slice(&self.next[..n]);
-        self.pass(arm, T::zero());
+        self.pass(effects, T::zero());
     }
 
     /// The step was accepted.
     #[inline(always)]
-    pub fn end_step(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t1: f64) {
-        self.go(arm, input, t1);
+    pub fn end_step(&mut self, effects: &Effects<T>, input: &mut impl Upstream<T>, t1: f64) {
+        self.go(effects, input, t1);
         self.start_values.copy_from_slice(&self.values);
     }
 
     /// The pressures that act at `t`, within the step begun last, into `out`.
     #[inline(always)]
-    pub fn acting(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t: f64, out: &mut [T]) {
-        self.go(arm, input, t);
+    pub fn acting(&mut self, effects: &Effects<T>, input: &mut impl Upstream<T>, t: f64, out: &mut [T]) {
+        self.go(effects, input, t);
         out.copy_from_slice(&self.values[self.values.len() - self.inputs..]);
     }
 
     /// To `t`, each lane from sample to sample of its input; lanes that are there wait for the others.
     #[inline(always)]
-    fn go(&mut self, arm: &Arm<T>, input: &mut impl Upstream<T>, t: f64) {
+    fn go(&mut self, effects: &Effects<T>, input: &mut impl Upstream<T>, t: f64) {
         if t < self.time.largest() {
             let (start, end) = (self.start, self.end);
-            self.begin_step(arm, input, start, end);
+            self.begin_step(effects, input, start, end);
         }
         // Samples of delayed inputs come later; where delays differ, those of the first input count.
         let shift = self.delays.first().and_then(|d| *d).map_or(0.0, |d| d.largest());
@@ -128,26 +128,26 @@ impl<T: Real> PressureChain<T> {
             let next = T::select(end - knot - hair, knot, end);
             self.read(input, next);
             let elapsed = next - self.time;
-            self.pass(arm, elapsed);
+            self.pass(effects, elapsed);
             self.time = next;
         }
     }
 
     /// All stages over `elapsed` seconds; what comes in ends at the first row of `next`.
     #[inline(always)]
-    fn pass(&mut self, arm: &Arm<T>, elapsed: T) {
-        stages(self, arm, elapsed);
+    fn pass(&mut self, effects: &Effects<T>, elapsed: T) {
+        stages(self, effects, elapsed);
     }
 
     #[inline(always)]
-    fn stages(&mut self, arm: &Arm<T>, elapsed: T) {
+    fn stages(&mut self, effects: &Effects<T>, elapsed: T) {
         let n = self.inputs;
         for (k, &stage) in self.stages.iter().enumerate() {
             let (before, after) = self.next.split_at_mut(n * (k + 1));
             let (from, last) = self.values[n * k..n * (k + 2)].split_at(n);
             let p = &mut after[..n];
             p.copy_from_slice(&before[n * k..]);
-            arm.effects.list[stage].kind.pressures(elapsed, from, last, p);
+            effects.list[stage].kind.pressures(elapsed, from, last, p);
         }
         self.values.copy_from_slice(&self.next);
     }
@@ -184,14 +184,14 @@ impl<T: Real> PressureChain<T> {
 }
 
 kernel! {
-    fn stages<'a, T>(chain: &'a mut PressureChain<T>, arm: &'a Arm<T>, elapsed: T) {
-        chain.stages(arm, elapsed);
+    fn stages<'a, T>(chain: &'a mut PressureChain<T>, effects: &'a Effects<T>, elapsed: T) {
+        chain.stages(effects, elapsed);
     }
 }
 
 /// The pressures that act when everything rests at the logged `p`, in place.
-pub fn at_rest<T: Real>(arm: &Arm<T>, p: &mut [T]) {
-    for entry in &arm.effects.list {
+pub fn at_rest<T: Real>(effects: &Effects<T>, p: &mut [T]) {
+    for entry in &effects.list {
         entry.kind.pressures_at_rest(p);
     }
 }

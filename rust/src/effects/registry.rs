@@ -2,11 +2,9 @@
 //!
 //! An enum and not `dyn Effect`, so that the hot path stays one function that run-time chosen instruction sets reach.
 
-/// `module => Type,` a line; the module's name is the kind's name in parameter files.
+/// `module => Type,` a line, of modules declared beside it; the module's name is the kind's name in parameter files.
 macro_rules! kinds {
     ($($module:ident => $kind:ident,)+) => {
-        $(pub mod $module;)+
-
         /// An effect of any kind of the registry.
         #[derive(Clone, Debug)]
         #[allow(missing_docs)]
@@ -31,7 +29,7 @@ macro_rules! kinds {
             pub needs_poses: bool,
             /// Whether it acts by changing the arm's parameters.
             pub changes_arm: bool,
-            pub(crate) objection: fn(&[f64], &Definition, &Arm<f64>) -> Option<String>,
+            pub(crate) objection: fn(&[f64], &Definition, &Body<f64>) -> Option<String>,
         }
 
         /// All kinds, in the order of the registry.
@@ -67,7 +65,7 @@ macro_rules! dispatch {
     ($($kind:ident)+) => {
         $crate::effects::registry::hooks! {
             ($($kind)+)
-            change_arm(arm: &mut Arm<T>);
+            change_arm(body: &mut Body<T>);
             is_actuation() -> bool;
             hidden() -> usize;
             add_forces(now: &mut Instant<'_, T>, hidden: &[T]);

@@ -1,8 +1,8 @@
 //! The chain between what is and what is measured. Lengths: delay first, then gains and offsets in the order of the file.
 //! Poses of heads: delay only, the whole arm's pose of that time.
 
-use super::poses;
-use crate::arm::Arm;
+use super::{Effects, poses};
+use crate::body::Body;
 use crate::kinematics::chain::Link;
 use crate::kinematics::section::Pose;
 use crate::real::Real;
@@ -22,10 +22,10 @@ pub struct Sensors<T> {
 }
 
 impl<T: Real> Sensors<T> {
-    /// The sensors of `arm`, which rests at `x` until `start`; none where no effect acts on what is measured.
-    pub fn new(arm: &Arm<T>, start: f64, x: &[T]) -> Option<Self> {
-        let list = &arm.effects.list;
-        let delays: Vec<Option<T>> = (0..arm.coordinates())
+    /// The sensors of an arm with `effects`, which rests at `x` until `start`; none where no effect acts on what is measured.
+    pub fn new(effects: &Effects<T>, start: f64, x: &[T]) -> Option<Self> {
+        let (list, n) = (&effects.list, x.len() / 2);
+        let delays: Vec<Option<T>> = (0..n)
             .map(|j| {
                 list.iter()
                     .filter_map(|e| e.kind.sensor_delay(j))
@@ -40,7 +40,7 @@ impl<T: Real> Sensors<T> {
             }
             delay
         };
-        let heads: Vec<_> = (0..arm.sections.len()).map(head).collect();
+        let heads: Vec<_> = (0..n / 3).map(head).collect();
         let all = delays.iter().flatten().copied().chain(heads.iter().map(|h| h.1));
         let longest = all.fold(0.0, |m: f64, d| m.max(d.largest()));
         // No effect delays a head without delaying lengths too.
@@ -96,13 +96,13 @@ impl<T: Real> Sensors<T> {
     }
 
     /// Measured lengths at `t`, where the state is `x`, into `out`.
-    pub fn measure(&self, arm: &Arm<T>, t: f64, x: &[T], out: &mut [T]) {
+    pub fn measure(&self, effects: &Effects<T>, t: f64, x: &[T], out: &mut [T]) {
         for (j, length) in out.iter_mut().enumerate() {
             let mut q = match self.delays[j] {
                 None => x[j],
                 Some(delay) => self.at(-delay + t, t, x, j),
             };
-            for entry in &arm.effects.list {
+            for entry in &effects.list {
                 q = entry.kind.measure(j, q);
             }
             *length = q;
@@ -117,7 +117,8 @@ impl<T: Real> Sensors<T> {
     /// Measured poses of the heads at `t`, where the state is `x`, in order; `links` is work space, one a section.
     pub fn measure_heads(
         &self,
-        arm: &Arm<T>,
+        body: &Body<T>,
+        effects: &Effects<T>,
         t: f64,
         x: &[T],
         links: &mut [Link<T>],
@@ -131,11 +132,11 @@ impl<T: Real> Sensors<T> {
         for group in self.heads.chunk_by(|a, b| a.0 == b.0) {
             let own = first..first + group.len();
             first = own.end;
-            let (effects, delay) = &group[0];
+            let (own_delays, delay) = &group[0];
             for (j, length) in q.iter_mut().enumerate() {
-                *length = if effects.is_empty() { x[j] } else { self.at(-*delay + t, t, x, j) };
+                *length = if own_delays.is_empty() { x[j] } else { self.at(-*delay + t, t, x, j) };
             }
-            poses::seen(arm, &q, links, |i, head| {
+            poses::seen(body, effects, &q, links, |i, head| {
                 if own.contains(&i) {
                     each(i, head);
                 }

@@ -1,11 +1,11 @@
 //! What effects see of the arm at one instant, and their hidden states.
 
 use super::Effects;
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::forces::{Load, length};
 use crate::kinematics::chain::Link;
 use crate::kinematics::coordinates::arc_from_lengths;
-use crate::linear::Vec3;
+use crate::real::linear::Vec3;
 use crate::real::{Real, kernel};
 
 /// One bellows at one instant.
@@ -25,8 +25,8 @@ pub struct BellowsState<T> {
 
 /// What a force sees.
 pub struct Instant<'a, T> {
-    /// The arm.
-    pub arm: &'a Arm<T>,
+    /// The arm's body.
+    pub body: &'a Body<T>,
     /// Kinematics of each section.
     pub links: &'a [Link<T>],
     /// All bellows, section by section.
@@ -55,9 +55,9 @@ pub struct EffectState<T> {
 }
 
 impl<T: Real> EffectState<T> {
-    /// Work space for `arm`, hidden states at rest.
-    pub fn new(arm: &Arm<T>) -> Self {
-        let count = arm.sections.iter().map(|s| s.bellows.len()).sum();
+    /// Work space for `body` with `effects`, hidden states at rest.
+    pub fn new(body: &Body<T>, effects: &Effects<T>) -> Self {
+        let count = body.sections.iter().map(|s| s.bellows.len()).sum();
         let o = T::zero();
         let still = BellowsState { length: o, rate: o, pressure: o, start_length: o, start_rate: o };
         Self {
@@ -66,7 +66,7 @@ impl<T: Real> EffectState<T> {
             start: None,
             bellows: vec![still; count],
             bellows_force: vec![o; count],
-            hidden: vec![o; arm.effects.hidden_count()],
+            hidden: vec![o; effects.hidden_count()],
         }
     }
 
@@ -82,12 +82,12 @@ impl<T: Real> EffectState<T> {
 
     /// A step begins at `t0` with lengths and rates `x0`.
     #[inline(always)]
-    pub fn begin_step(&mut self, arm: &Arm<T>, t0: f64, x0: &[T]) {
+    pub fn begin_step(&mut self, body: &Body<T>, t0: f64, x0: &[T]) {
         self.start = Some(t0);
         if self.hidden.is_empty() {
             return;
         }
-        self.read(arm, x0);
+        self.read(body, x0);
         for b in &mut self.bellows {
             (b.start_length, b.start_rate) = (b.length, b.rate);
         }
@@ -95,22 +95,22 @@ impl<T: Real> EffectState<T> {
 
     /// The step was accepted: takes the hidden states to (`t1`, `x1`).
     #[inline(always)]
-    pub fn end_step(&mut self, arm: &Arm<T>, t1: f64, x1: &[T]) {
+    pub fn end_step(&mut self, body: &Body<T>, effects: &Effects<T>, t1: f64, x1: &[T]) {
         self.time = t1;
         if self.hidden.is_empty() {
             return;
         }
-        self.read(arm, x1);
+        self.read(body, x1);
         let elapsed = self.start.map(|t0| t1 - t0);
-        advance(self, arm, t1, elapsed);
+        advance(self, body, effects, t1, elapsed);
     }
 
     /// Lengths and rates of all bellows from the state.
     #[inline(always)]
-    fn read(&mut self, arm: &Arm<T>, x: &[T]) {
+    fn read(&mut self, body: &Body<T>, x: &[T]) {
         let n = x.len() / 2;
         let mut all = self.bellows.iter_mut();
-        for (i, section) in arm.sections.iter().enumerate() {
+        for (i, section) in body.sections.iter().enumerate() {
             let arc = three(x, 3 * i, section.inverse_radius);
             let rate = three(x, n + 3 * i, section.inverse_radius);
             for (b, state) in section.bellows.iter().zip(&mut all) {
@@ -123,11 +123,11 @@ impl<T: Real> EffectState<T> {
 
 kernel! {
     /// Takes the hidden states to the instant `time`, `elapsed` seconds after the step's start.
-    fn advance<'a, T>(state: &'a mut EffectState<T>, arm: &'a Arm<T>, time: f64, elapsed: Option<f64>) {
+    fn advance<'a, T>(state: &'a mut EffectState<T>, body: &'a Body<T>, effects: &'a Effects<T>, time: f64, elapsed: Option<f64>) {
         let EffectState { bellows, bellows_force, hidden, clock, .. } = state;
         let time = time + *clock;
-        let now = Instant { arm, links: &[], bellows, bellows_force, loads: &mut [], time, elapsed };
-        for entry in &arm.effects.list {
+        let now = Instant { body, links: &[], bellows, bellows_force, loads: &mut [], time, elapsed };
+        for entry in &effects.list {
             entry.kind.advance(&now, &mut hidden[entry.hidden.clone()]);
         }
     }
@@ -143,7 +143,8 @@ kernel! {
     /// Adds the forces of all effects of the wanted sort (`actuation`: those that belong to tau) to `loads` and to the bellows'
     /// extra forces.
     pub(crate) fn add_forces<'a, T>(
-        arm: &'a Arm<T>,
+        body: &'a Body<T>,
+        effects: &'a Effects<T>,
         which: (bool, bool),
         p: &'a [T],
         links: &'a [Link<T>],
@@ -156,17 +157,16 @@ kernel! {
             *force = T::zero();
         }
         let mut all = bellows.iter_mut();
-        for (section, link) in arm.sections.iter().zip(links) {
+        for (section, link) in body.sections.iter().zip(links) {
             for (b, state) in section.bellows.iter().zip(&mut all) {
                 state.length = length(b, link.arc);
                 state.rate = length(b, link.rate);
-                state.pressure = if actuation { p[b.input] - arm.ambient_pressure } else { T::zero() };
+                state.pressure = if actuation { p[b.input] - body.ambient_pressure } else { T::zero() };
             }
         }
         let elapsed = start.map(|t0| *time - t0);
-        let mut now = Instant { arm, links, bellows, bellows_force, loads, time: *time + *clock, elapsed };
-        let Effects { list, .. } = &arm.effects;
-        for entry in list {
+        let mut now = Instant { body, links, bellows, bellows_force, loads, time: *time + *clock, elapsed };
+        for entry in &effects.list {
             if if entry.kind.is_actuation() { actuation } else { passive } {
                 entry.kind.add_forces(&mut now, &hidden[entry.hidden.clone()]);
             }

@@ -12,11 +12,11 @@
 //! Limits: massless bellows whose force is along z at both ends; torsion of the section is not modelled.
 
 use super::{ForceSet, Load, Wrench};
-use crate::arm::{Arm, Bellows, Section};
+use crate::body::parameters::ForceModel;
+use crate::body::{Bellows, Body, Section};
 use crate::kinematics::chain::Link;
-use crate::linear::Vec3;
-use crate::parameters::ForceModel;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 use std::slice::Iter;
 
 /// Length of a bellows at (u, v, l), or its rate at (u', v', l').
@@ -49,8 +49,8 @@ pub fn spring_energy<T: Real>(b: &Bellows<T>, length: T) -> T {
 /// Adds the forces of section `i`'s bellows, beginning with the `extra` one of each, to its own load and the one below.
 #[allow(clippy::too_many_arguments)] // one call
 #[inline(always)]
-pub(super) fn add<T: Real>(
-    arm: &Arm<T>,
+pub(crate) fn add<T: Real>(
+    body: &Body<T>,
     i: usize,
     section: &Section<T>,
     set: ForceSet,
@@ -64,7 +64,7 @@ pub(super) fn add<T: Real>(
     for (b, extra) in section.bellows.iter().zip(extra) {
         let mut force = *extra;
         if set.actuation {
-            force = b.terminal_area.mul_add(p[b.input] - arm.ambient_pressure, force);
+            force = b.terminal_area.mul_add(p[b.input] - body.ambient_pressure, force);
         }
         if set.spring {
             force -= spring(b, length(b, link.arc));
@@ -76,7 +76,7 @@ pub(super) fn add<T: Real>(
         moment_x = b.x.mul_add(force, moment_x);
         moment_y = b.y.mul_add(force, moment_y);
     }
-    match arm.force_model {
+    match body.force_model {
         ForceModel::WorkConjugate => loads[i].on_arc += Vec3([-moment_x, -moment_y, along]),
         ForceModel::EndForce => {
             let torque = Vec3([moment_y, -moment_x, T::zero()]);

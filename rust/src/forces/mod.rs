@@ -1,17 +1,16 @@
-//! The forces on the arm, one file each, and [`accumulate`], the one function that sums them.
+//! The elementary forces on a body, one file each; the one function that sums them, the effects' too, stands above them
+//! (`dynamics::applied`).
 //!
 //! Every force adds to two accumulators per section: a generalized force on (u, v, l), and a wrench on the head body,
 //! (torque about the base's origin O, force), in the base frame. [`project`] turns both into generalized forces.
 
-mod bellows;
-mod bending;
-mod body;
+pub(crate) mod bellows;
+pub(crate) mod bending;
+pub(crate) mod weight;
 
-use crate::arm::Arm;
-use crate::effects::{self, EffectState};
 use crate::kinematics::chain::Link;
-use crate::linear::Vec3;
-use crate::real::{Real, kernel};
+use crate::real::Real;
+use crate::real::linear::Vec3;
 
 /// A wrench in the base frame.
 #[derive(Clone, Copy, Debug)]
@@ -102,47 +101,6 @@ impl ForceSet {
     };
 }
 
-kernel! {
-    /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
-    ///
-    /// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force
-    /// point (by default its centre of mass) in the base frame, N (none: no external force); `state`: work space and hidden
-    /// states of the effects.
-    pub fn accumulate<'a, T>(
-        arm: &'a Arm<T>,
-        set: ForceSet,
-        p: &'a [T],
-        f_ext: Option<&'a [Vec3<T>]>,
-        links: &'a [Link<T>],
-        state: &'a mut EffectState<T>,
-        loads: &'a mut [Load<T>],
-    ) {
-        // No `fill`: see `linear`.
-        for load in loads.iter_mut() {
-            *load = Load::zero();
-        }
-        if !arm.effects.list.is_empty() {
-            effects::state::add_forces(arm, (set.actuation, set.effects), p, links, state, loads);
-        }
-        let mut extra = state.bellows_force.iter();
-        for (i, section) in arm.sections.iter().enumerate() {
-            let link = &links[i];
-            bellows::add(arm, i, section, set, p, links, &mut extra, loads);
-            if set.bending {
-                loads[i].on_arc += bending::on_arc(section, link.arc);
-            }
-            if set.gravity {
-                loads[i].on_head.add(body::weight(section, arm.gravity, link));
-            }
-            if set.external
-                && let Some(f) = f_ext
-            {
-                loads[i].on_head.add(Wrench::at(link.position + link.rotation.mul_vec(section.force_point), f[i]));
-            }
-        }
-    }
-}
-
 /// Generalized forces on (u, v, l) of each section from `loads`: what acts on the arc itself and, by virtual work, the
 /// wrenches on this head and all heads above. Works in place on a copy of the running sum only.
 #[inline(always)]
@@ -167,4 +125,4 @@ pub fn on_joint<T: Real>(link: &Link<T>, w: &Wrench<T>) -> Vec3<T> {
 
 pub use bellows::{length, spring_energy};
 pub use bending::energy as bending_energy;
-pub use body::gravity_energy;
+pub use weight::gravity_energy;

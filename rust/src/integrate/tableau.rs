@@ -30,7 +30,7 @@ pub struct Tableau {
 /// Which method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// [`Self::Rodas4`] for stiff arms, [`Self::DormandPrince54`] for others: see [`crate::stiffness`].
+    /// [`Self::Rodas4`] for stiff arms, [`Self::DormandPrince54`] for others: see `plant::stiffness`.
     Auto,
     /// Classical Runge-Kutta of order 4, fixed step.
     Rk4,

@@ -8,8 +8,8 @@
 
 use super::coordinates::arc_from_lengths;
 use super::section::{Bent, Bias, Pose, Subspace};
-use crate::arm::{Arm, Section};
-use crate::linear::{Mat3, Vec3};
+use crate::body::{Body, Section};
+use crate::real::linear::{Mat3, Vec3};
 use crate::real::{Real, kernel};
 use std::ops::Range;
 
@@ -184,9 +184,9 @@ fn three<T: Real>(x: &[T], i: usize) -> Vec3<T> {
 
 kernel! {
     /// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
-    pub fn pass<'a, T>(arm: &'a Arm<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>]) {
+    pub fn pass<'a, T>(body: &'a Body<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>]) {
         let mut below = Link::base();
-        for (i, (section, link)) in arm.sections.iter().zip(links.iter_mut()).enumerate() {
+        for (i, (section, link)) in body.sections.iter().zip(links.iter_mut()).enumerate() {
             let rates = if motion == Motion::Pose { Vec3::zero() } else { three(qd, i) };
             let local = Local::new(section, three(q, i), rates, motion);
             below = step(&below, &local, section.center_of_mass, motion);
@@ -199,7 +199,7 @@ kernel! {
     /// The same from section `own.start` on, above links that stay as they are: sections of `own` at `q` and `qd` (read
     /// for every motion), those above it at their `locals`, which are noted for `own`.
     pub fn pass_again<'a, T>(
-        arm: &'a Arm<T>,
+        body: &'a Body<T>,
         q: &'a [T],
         qd: &'a [T],
         motion: Motion,
@@ -208,7 +208,7 @@ kernel! {
         links: &'a mut [Link<T>],
     ) {
         let mut below = if own.start == 0 { Link::base() } else { links[own.start - 1] };
-        for (i, section) in arm.sections.iter().enumerate().skip(own.start) {
+        for (i, section) in body.sections.iter().enumerate().skip(own.start) {
             if i < own.end {
                 locals[i] = Local::new(section, three(q, i), three(qd, i), motion);
             }
@@ -219,10 +219,10 @@ kernel! {
 }
 
 /// The subspaces' time derivatives about O, for the Coriolis matrix. Needs a pass with [`Motion::Velocity`] or more.
-pub fn subspace_rate<T: Real>(arm: &Arm<T>, links: &[Link<T>], index: usize) -> Subspace<T> {
+pub fn subspace_rate<T: Real>(body: &Body<T>, links: &[Link<T>], index: usize) -> Subspace<T> {
     let base = Link::base();
     let below = if index == 0 { &base } else { &links[index - 1] };
-    let (section, link) = (&arm.sections[index], &links[index]);
+    let (section, link) = (&body.sections[index], &links[index]);
     let (r, omega) = (&below.rotation, below.angular_velocity);
     let bent = Bent::new(link.arc, section.base_offset, section.head_offset);
     let (local, rate) = (bent.subspace(), bent.subspace_rate(link.rate));

@@ -4,8 +4,8 @@
 //! Frame: section base, z along the straight section, bellows k at angle 120 (k - 1) degrees from x.
 //! Limits: none; the straight section is an ordinary point.
 
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 
 /// sqrt(3) / 2.
 const H: f64 = 0.866_025_403_784_438_6;

@@ -7,9 +7,9 @@
 use super::chain::{Link, Motion, pass};
 use super::coordinates::force_on_lengths;
 use super::section::Bent;
-use crate::arm::Arm;
-use crate::linear::{Mat3, Vec3};
+use crate::body::Body;
 use crate::real::Real;
+use crate::real::linear::{Mat3, Vec3};
 
 /// A point of the arm: `fraction` of the way along the arc of `section` (1: the head, its rigid piece included), moved
 /// by `offset` in the frame there.
@@ -24,10 +24,10 @@ pub struct Point<T> {
 }
 
 /// Orientation and position of a point. `links` must hold a pass.
-pub fn pose<T: Real>(arm: &Arm<T>, links: &[Link<T>], point: &Point<T>) -> (Mat3<T>, Vec3<T>) {
+pub fn pose<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>) -> (Mat3<T>, Vec3<T>) {
     let base = Link::base();
     let below = if point.section == 0 { &base } else { &links[point.section - 1] };
-    let section = &arm.sections[point.section];
+    let section = &body.sections[point.section];
     let head_offset = if point.fraction < 1.0 { T::zero() } else { section.head_offset };
     let part = Bent::new(links[point.section].arc * T::from_f64(point.fraction), section.base_offset, head_offset);
     let local = part.pose();
@@ -38,10 +38,10 @@ pub fn pose<T: Real>(arm: &Arm<T>, links: &[Link<T>], point: &Point<T>) -> (Mat3
 
 /// The Jacobian of a point by the lengths, column by column: (velocity, angular velocity). Columns of sections above
 /// are zero. `columns` has one entry a coordinate.
-pub fn jacobian<T: Real>(arm: &Arm<T>, links: &[Link<T>], point: &Point<T>, columns: &mut [[Vec3<T>; 2]]) {
-    let (rotation, position) = pose(arm, links, point);
+pub fn jacobian<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>, columns: &mut [[Vec3<T>; 2]]) {
+    let (rotation, position) = pose(body, links, point);
     let base = Link::base();
-    for (i, section) in arm.sections.iter().enumerate() {
+    for (i, section) in body.sections.iter().enumerate() {
         // Rows of the Jacobian by (u, v, l) transform to the lengths like generalized forces.
         let (angular, linear) = if i < point.section {
             let s = &links[i].subspace;
@@ -73,15 +73,15 @@ pub fn jacobian<T: Real>(arm: &Arm<T>, links: &[Link<T>], point: &Point<T>, colu
 }
 
 /// Points along the whole arm from the base, `per_section` on each arc and the ends of the rigid pieces.
-pub fn shape(arm: &Arm<f64>, q: &[f64], per_section: usize, links: &mut [Link<f64>], out: &mut Vec<Vec3<f64>>) {
-    pass(arm, q, &[], Motion::Pose, links);
+pub fn shape(body: &Body<f64>, q: &[f64], per_section: usize, links: &mut [Link<f64>], out: &mut Vec<Vec3<f64>>) {
+    pass(body, q, &[], Motion::Pose, links);
     out.clear();
     out.push(Vec3::zero());
-    for section in 0..arm.sections.len() {
+    for section in 0..body.sections.len() {
         for k in 0..=per_section {
             // The last point of the arc, before the rigid piece, is a hair below fraction 1.
             let fraction = (k as f64 / per_section as f64).min(1.0 - f64::EPSILON);
-            out.push(pose(arm, links, &Point { section, fraction, offset: Vec3::zero() }).1);
+            out.push(pose(body, links, &Point { section, fraction, offset: Vec3::zero() }).1);
         }
         out.push(links[section].position);
     }
@@ -90,7 +90,7 @@ pub fn shape(arm: &Arm<f64>, q: &[f64], per_section: usize, links: &mut [Link<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::testing::{arms, states};
+    use crate::arm::testing::{arms, states};
     use crate::real::Dual;
     use proptest::prelude::*;
 
@@ -98,19 +98,19 @@ mod tests {
         #[test]
         fn jacobian_is_the_derivative_of_the_pose(arm in arms(), seed in states(), fraction in 0.0..=1.0_f64, which in 0..5_usize) {
             let q = seed.lengths(&arm);
-            let section = which % arm.sections.len();
+            let section = which % arm.body.sections.len();
             let offset = Vec3([0.02, -0.01, 0.03]);
-            let mut links = vec![Link::base(); arm.sections.len()];
-            pass(&arm, &q, &[], Motion::Pose, &mut links);
+            let mut links = vec![Link::base(); arm.body.sections.len()];
+            pass(&arm.body, &q, &[], Motion::Pose, &mut links);
             let mut columns = vec![[Vec3::zero(); 2]; arm.coordinates()];
-            jacobian(&arm, &links, &Point { section, fraction, offset }, &mut columns);
+            jacobian(&arm.body, &links, &Point { section, fraction, offset }, &mut columns);
             let lifted = arm.lift::<Dual<1>>();
             for (j, column) in columns.iter().enumerate() {
                 let dual: Vec<_> = q.iter().enumerate().map(|(k, &x)| Dual::<1>::variable(x, usize::from(k != j))).collect();
-                let mut links = vec![Link::base(); arm.sections.len()];
-                pass(&lifted, &dual, &[], Motion::Pose, &mut links);
+                let mut links = vec![Link::base(); arm.body.sections.len()];
+                pass(&lifted.body, &dual, &[], Motion::Pose, &mut links);
                 let point = Point { section, fraction, offset: Vec3::from_f64(offset.0) };
-                let (rotation, position) = pose(&lifted, &links, &point);
+                let (rotation, position) = pose(&lifted.body, &links, &point);
                 let turn = Mat3::cross_matrix(column[1]);
                 for a in 0..3 {
                     prop_assert!((position.0[a].derivative[0] - column[0].0[a]).abs() < 1e-11);

@@ -7,8 +7,8 @@
 //! the sign nearer to the neighbour.
 
 use super::section::Pose;
-use crate::linear::Mat3;
 use crate::real::Real;
+use crate::real::linear::Mat3;
 
 /// The unit quaternion (w, x, y, z) of a rotation: w >= 0.
 pub fn from_rotation(rotation: &Mat3<f64>) -> [f64; 4] {
@@ -32,7 +32,7 @@ impl<T: Real> Pose<T> {
     /// Lane `k` by itself.
     pub fn lane(&self, k: usize) -> Pose<f64> {
         let of = |v: [T; 3]| v.map(|v| v.lane(k));
-        Pose { rotation: Mat3(self.rotation.0.map(of)), position: crate::linear::Vec3(of(self.position.0)) }
+        Pose { rotation: Mat3(self.rotation.0.map(of)), position: crate::real::linear::Vec3(of(self.position.0)) }
     }
 }
 
@@ -46,7 +46,7 @@ impl Pose<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::Vec3;
+    use crate::real::linear::Vec3;
 
     /// The rotation of a unit quaternion, by its definition.
     fn rotation([w, x, y, z]: [f64; 4]) -> Mat3<f64> {

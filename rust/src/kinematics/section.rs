@@ -8,8 +8,8 @@
 //! Limits: psi <= PSI_MAX of `arc`.
 
 use super::arc::ArcFunctions;
-use crate::linear::{Mat3, Vec3};
 use crate::real::Real;
+use crate::real::linear::{Mat3, Vec3};
 
 /// Pose of the head in the section's base frame.
 #[derive(Clone, Copy, Debug)]

@@ -7,22 +7,22 @@
 //! Limits: one temperature path for filling and emptying (no heat exchange of its own); ideal gas.
 
 use super::Pneumatics;
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::forces::length;
 use crate::kinematics::coordinates::arc_from_lengths;
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 
 /// Specific gas constant of air, J/(kg K).
 pub const GAS_CONSTANT: f64 = 287.05;
 
 /// Volumes of all chambers at lengths `q` into `out`; with `rates` true, their rates from the lengths' rates `q`.
 #[inline(always)]
-pub fn volumes<T: Real>(arm: &Arm<T>, dead_volume: T, q: &[T], rates: bool, out: &mut [T]) {
+pub fn volumes<T: Real>(body: &Body<T>, dead_volume: T, q: &[T], rates: bool, out: &mut [T]) {
     for volume in out.iter_mut() {
         *volume = if rates { T::zero() } else { dead_volume };
     }
-    for (i, section) in arm.sections.iter().enumerate() {
+    for (i, section) in body.sections.iter().enumerate() {
         let arc = arc_from_lengths(Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]), section.inverse_radius);
         for b in &section.bellows {
             out[b.input] += b.terminal_area * length(b, arc);

@@ -18,9 +18,9 @@ pub mod controller;
 mod substep;
 pub mod valve;
 
-use crate::arm::Arm;
+use crate::body::Body;
+use crate::body::parameters::{PneumaticsLevel, PneumaticsParameters};
 use crate::error::{Error, Result};
-use crate::parameters::{PneumaticsLevel, PneumaticsParameters};
 use crate::real::{Real, kernel};
 use std::any::Any;
 use substep::substep;
@@ -244,12 +244,11 @@ pub struct Chambers<T = f64> {
 }
 
 impl<T: Real> Chambers<T> {
-    /// Chambers at rest at lengths `q` with pressures `p`, valves closed; none where the command acts as it is.
-    pub fn new(arm: &Arm<T>, q: &[T], p: &[T]) -> Option<Self> {
-        let pneumatics = arm.pneumatics.as_ref()?;
+    /// Chambers at rest at lengths `q` with pressures `p`, valves closed.
+    pub fn new(pneumatics: &Pneumatics<T>, body: &Body<T>, q: &[T], p: &[T]) -> Self {
         let zero = T::zero();
-        let mut volumes = vec![zero; arm.inputs];
-        chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut volumes);
+        let mut volumes = vec![zero; body.inputs];
+        chamber::volumes(body, pneumatics.dead_volume, q, false, &mut volumes);
         let content = |p: T, v: T| match pneumatics.level {
             PneumaticsLevel::Full => chamber::mass(pneumatics, p, v),
             _ => p,
@@ -261,13 +260,13 @@ impl<T: Real> Chambers<T> {
             .collect();
         let idle = Drive { reference: zero, reference_rate: zero, volume: zero, volume_rate: zero };
         // Room for the sub-steps of the longest step, so that nothing is allocated on the way.
-        let room = ((LONGEST_STEP / SUBSTEP).ceil() as usize + 2) * arm.inputs;
+        let room = ((LONGEST_STEP / SUBSTEP).ceil() as usize + 2) * body.inputs;
         let mut nodes = Vec::with_capacity(room);
         nodes.extend(now.iter().map(|x| x.content));
-        Some(Self {
+        Self {
             next: now.clone(),
             now,
-            drives: vec![idle; arm.inputs],
+            drives: vec![idle; body.inputs],
             nodes,
             node_pressures: Vec::with_capacity(room),
             acting: p.to_vec(),
@@ -276,12 +275,19 @@ impl<T: Real> Chambers<T> {
             end: 0.0,
             rates: volumes.clone(),
             volumes,
-        })
+        }
     }
 
     /// Puts the lanes that `which` says to rest at lengths `q` under pressures `p`.
-    pub fn restart(&mut self, arm: &Arm<T>, which: impl Fn(usize) -> bool + Copy, q: &[T], p: &[T]) {
-        let Some(fresh) = Self::new(arm, q, p) else { return };
+    pub fn restart(
+        &mut self,
+        pneumatics: &Pneumatics<T>,
+        body: &Body<T>,
+        which: impl Fn(usize) -> bool + Copy,
+        q: &[T],
+        p: &[T],
+    ) {
+        let fresh = Self::new(pneumatics, body, q, p);
         let put = |new: T, old: T| T::from_lanes(|k| if which(k) { new.lane(k) } else { old.lane(k) });
         for (now, new) in self.now.iter_mut().zip(fresh.now) {
             now.content = put(new.content, now.content);
@@ -294,20 +300,33 @@ impl<T: Real> Chambers<T> {
     /// A step of the arm from (`t0`, lengths `q`, rates `qd`) to `t1` begins; `commands` are the commanded pressures at
     /// its start and at its end.
     #[inline(always)]
-    pub fn begin_step(&mut self, arm: &Arm<T>, times: (f64, f64), state: (&[T], &[T]), commands: &[Vec<T>; 2]) {
-        fill(self, arm, times, state, commands);
+    pub fn begin_step(
+        &mut self,
+        pneumatics: &Pneumatics<T>,
+        body: &Body<T>,
+        times: (f64, f64),
+        state: (&[T], &[T]),
+        commands: &[Vec<T>; 2],
+    ) {
+        fill(self, pneumatics, body, times, state, commands);
     }
 
     #[inline(always)]
-    fn fill(&mut self, arm: &Arm<T>, (t0, t1): (f64, f64), (q, qd): (&[T], &[T]), commands: &[Vec<T>; 2]) {
-        let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
+    fn fill(
+        &mut self,
+        pneumatics: &Pneumatics<T>,
+        body: &Body<T>,
+        (t0, t1): (f64, f64),
+        (q, qd): (&[T], &[T]),
+        commands: &[Vec<T>; 2],
+    ) {
         let h = t1 - t0;
         self.start = t0;
         self.end = t1;
         let lag = pneumatics.level == PneumaticsLevel::Lag;
         if !lag {
-            chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut self.volumes);
-            chamber::volumes(arm, pneumatics.dead_volume, qd, true, &mut self.rates);
+            chamber::volumes(body, pneumatics.dead_volume, q, false, &mut self.volumes);
+            chamber::volumes(body, pneumatics.dead_volume, qd, true, &mut self.rates);
         }
         for (j, drive) in self.drives.iter_mut().enumerate() {
             let (from, to) = (commands[0][j], commands[1][j]);
@@ -356,13 +375,12 @@ impl<T: Real> Chambers<T> {
 
     /// The acting pressures at time `t` of the step begun last, at lengths `q`, into `out`.
     #[inline(always)]
-    pub fn pressures(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
-        read(self, arm, t, q, out);
+    pub fn pressures(&mut self, pneumatics: &Pneumatics<T>, body: &Body<T>, t: f64, q: &[T], out: &mut [T]) {
+        read(self, pneumatics, body, t, q, out);
     }
 
     #[inline(always)]
-    fn read(&mut self, arm: &Arm<T>, t: f64, q: &[T], out: &mut [T]) {
-        let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
+    fn read(&mut self, pneumatics: &Pneumatics<T>, body: &Body<T>, t: f64, q: &[T], out: &mut [T]) {
         let elapsed = (t - self.start).clamp(0.0, self.end - self.start);
         if pneumatics.level == PneumaticsLevel::Lag {
             // From the node, not from `now`: an output may be asked for after the step was committed.
@@ -371,7 +389,7 @@ impl<T: Real> Chambers<T> {
             }
             return;
         }
-        chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut self.volumes);
+        chamber::volumes(body, pneumatics.dead_volume, q, false, &mut self.volumes);
         if self.substeps == 0 {
             for ((p, content), volume) in out.iter_mut().zip(&self.nodes).zip(&self.volumes) {
                 *p = chamber::pressure(pneumatics, *content, *volume);
@@ -400,8 +418,7 @@ impl<T: Real> Chambers<T> {
 
     /// Pressures at the ends of the sub-steps of the step begun last, with the lengths moving on evenly.
     #[inline(always)]
-    pub fn predicted(&mut self, arm: &Arm<T>, mut each: impl FnMut(f64, &[T])) {
-        let Some(pneumatics) = arm.pneumatics.as_ref() else { return };
+    pub fn predicted(&mut self, pneumatics: &Pneumatics<T>, mut each: impl FnMut(f64, &[T])) {
         // The lag bends within a step; as many pieces as the chambers have.
         let lag = pneumatics.level == PneumaticsLevel::Lag;
         let h = self.end - self.start;
@@ -457,18 +474,18 @@ impl<T: Real> Chambers<T> {
 kernel! {
     fn fill<'a, T>(
         chambers: &'a mut Chambers<T>,
-        arm: &'a Arm<T>,
+        pneumatics: &'a Pneumatics<T>, body: &'a Body<T>,
         times: (f64, f64),
         state: (&'a [T], &'a [T]),
         commands: &'a [Vec<T>; 2],
     ) {
-        chambers.fill(arm, times, state, commands);
+        chambers.fill(pneumatics, body, times, state, commands);
     }
 }
 
 kernel! {
-    fn read<'a, T>(chambers: &'a mut Chambers<T>, arm: &'a Arm<T>, t: f64, q: &'a [T], out: &'a mut [T]) {
-        chambers.read(arm, t, q, out);
+    fn read<'a, T>(chambers: &'a mut Chambers<T>, pneumatics: &'a Pneumatics<T>, body: &'a Body<T>, t: f64, q: &'a [T], out: &'a mut [T]) {
+        chambers.read(pneumatics, body, t, q, out);
     }
 }
 

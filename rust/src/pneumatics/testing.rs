@@ -1,7 +1,7 @@
 //! Pneumatics for tests.
 
 use super::Pneumatics;
-use crate::parameters::{PneumaticsLevel, PneumaticsParameters};
+use crate::body::parameters::{PneumaticsLevel, PneumaticsParameters};
 
 /// Parameters of the nominal order of size.
 pub fn parameters(level: PneumaticsLevel) -> PneumaticsParameters {

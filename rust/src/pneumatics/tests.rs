@@ -2,11 +2,12 @@
 
 use super::testing::{nominal, parameters};
 use super::*;
-use crate::dynamics::testing::{arms, states};
-use crate::input::{Input as Samples, Interpolation};
+use crate::arm::Arm;
+use crate::arm::testing::{arms, states};
 use crate::integrate::{Method, Options};
-use crate::linear::Vec3;
-use crate::simulate::Simulation;
+use crate::plant::input::{Input as Samples, Interpolation};
+use crate::real::linear::Vec3;
+use crate::run::simulation::Simulation;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -100,14 +101,14 @@ fn second_order_in_the_substep() {
 fn plant(level: PneumaticsLevel) -> Arc<Arm> {
     let mut runner = TestRunner::deterministic();
     let mut arm = arms().new_tree(&mut runner).unwrap().current();
-    arm.gravity = Vec3([0.0, 0.0, 9.81]);
-    let middle: Vec<f64> = vec![5e-4; arm.inputs];
+    arm.body.gravity = Vec3([0.0, 0.0, 9.81]);
+    let middle: Vec<f64> = vec![5e-4; arm.body.inputs];
     arm.pneumatics = Some(Pneumatics::new(&parameters(level), 101_325.0, &middle).unwrap());
     Arc::new(arm)
 }
 
 fn run(arm: &Arc<Arm>, options: Options, times: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let inputs = arm.inputs;
+    let inputs = arm.body.inputs;
     let row = |p: f64| (0..inputs).map(move |j| p + 2e3 * j as f64);
     let input = Samples::new(
         vec![0.0, 0.1, 0.2],
@@ -136,7 +137,7 @@ fn the_arm_with_pneumatics_at_one_millisecond_against_tiny_steps() {
         assert!(worst(&q_adaptive, &q_fine) < 1e-4, "{level:?}: {}", worst(&q_adaptive, &q_fine));
         assert!(worst(&p, &p_fine) < 200.0, "{level:?}: {}", worst(&p, &p_fine));
         // The pressures move: away from the first, towards the second command.
-        let (before, after) = (p[10 * arm.inputs], p[19 * arm.inputs]);
+        let (before, after) = (p[10 * arm.body.inputs], p[19 * arm.body.inputs]);
         assert!((before - 1.2e5).abs() < 100.0 && (after - 1.6e5).abs() < 0.05e5, "{level:?}: {before} {after}");
     }
 }
@@ -168,20 +169,20 @@ fn lag_is_exact_where_it_meets_its_reference() {
 fn lag_is_exact() {
     let arm = plant(PneumaticsLevel::Lag);
     let q = vec![0.2; arm.coordinates()];
-    let p = vec![1.0e5; arm.inputs];
-    let mut chambers = Chambers::new(&arm, &q, &p).unwrap();
-    let held = |p: f64| [vec![p; arm.inputs], vec![p; arm.inputs]];
+    let p = vec![1.0e5; arm.body.inputs];
+    let mut chambers = Chambers::new(arm.pneumatics.as_ref().unwrap(), &arm.body, &q, &p);
+    let held = |p: f64| [vec![p; arm.body.inputs], vec![p; arm.body.inputs]];
     let mut out = p.clone();
     for k in 0..100 {
         let t = 1e-3 * f64::from(k);
-        chambers.begin_step(&arm, (t, t + 1e-3), (&q, &q), &held(2.0e5));
-        chambers.pressures(&arm, t + 5e-4, &q, &mut out);
+        chambers.begin_step(arm.pneumatics.as_ref().unwrap(), &arm.body, (t, t + 1e-3), (&q, &q), &held(2.0e5));
+        chambers.pressures(arm.pneumatics.as_ref().unwrap(), &arm.body, t + 5e-4, &q, &mut out);
         assert!((out[0] - (2e5 - 1e5 * (-(t + 5e-4) / 0.03).exp())).abs() < 1e-6);
         chambers.end_step();
     }
-    chambers.begin_step(&arm, (0.1, 0.15), (&q, &q), &held(1.0e5));
+    chambers.begin_step(arm.pneumatics.as_ref().unwrap(), &arm.body, (0.1, 0.15), (&q, &q), &held(1.0e5));
     let before = 2e5 - 1e5 * (-0.1_f64 / 0.03).exp();
-    chambers.pressures(&arm, 0.15, &q, &mut out);
+    chambers.pressures(arm.pneumatics.as_ref().unwrap(), &arm.body, 0.15, &q, &mut out);
     assert!((out[0] - (1e5 + (before - 1e5) * (-1.0_f64).exp())).abs() < 1e-6);
 }
 
@@ -214,16 +215,16 @@ proptest! {
         pneumatics.proportional_gain = 0.0;
         pneumatics.integral_gain = 0.0;
         let (q, qd, p) = (seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
-        let mut chambers = Chambers::new(&arm, &q, &p).unwrap();
+        let mut chambers = Chambers::new(arm.pneumatics.as_ref().unwrap(), &arm.body, &q, &p);
         let masses: Vec<f64> = chambers.masses().collect();
-        chambers.begin_step(&arm, (0.0, 1e-3), (&q, &qd), &[p.clone(), p.clone()]);
+        chambers.begin_step(arm.pneumatics.as_ref().unwrap(), &arm.body, (0.0, 1e-3), (&q, &qd), &[p.clone(), p.clone()]);
         chambers.end_step();
         let after: Vec<f64> = q.iter().map(|q| 0.9 * q).collect();
         let mut out = p.clone();
-        chambers.pressures(&arm, 1e-3, &after, &mut out);
+        chambers.pressures(arm.pneumatics.as_ref().unwrap(), &arm.body, 1e-3, &after, &mut out);
         let (mut before_volume, mut after_volume) = (p.clone(), p.clone());
-        chamber::volumes(&arm, 1e-4, &q, false, &mut before_volume);
-        chamber::volumes(&arm, 1e-4, &after, false, &mut after_volume);
+        chamber::volumes(&arm.body, 1e-4, &q, false, &mut before_volume);
+        chamber::volumes(&arm.body, 1e-4, &after, false, &mut after_volume);
         for (j, m) in chambers.masses().enumerate() {
             prop_assert!((m - masses[j]).abs() < 1e-14 * m);
             let expected = p[j] * (before_volume[j] / after_volume[j]).powf(exponent);

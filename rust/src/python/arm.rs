@@ -4,6 +4,7 @@ use super::arrays::{finite, matrix, pressures, shaped, small, vector, vector_or_
 use super::errors::{input, to_python};
 use super::signals::Signals;
 use crate::arm::Arm;
+use crate::body::parameters::ArmParameters;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::{forward_dynamics_into, inverse_dynamics_into};
 use crate::dynamics::statics;
@@ -15,9 +16,8 @@ use crate::forces::ForceSet;
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::configuration;
 use crate::kinematics::point::{Point, jacobian, pose, shape};
-use crate::linear::Vec3;
 use crate::memory::reserved;
-use crate::parameters::ArmParameters;
+use crate::real::linear::Vec3;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -50,15 +50,15 @@ impl PyArm {
     /// External forces, one row a section.
     fn external(&self, f_ext: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<Vec3<f64>>>> {
         let Some(f) = f_ext else { return Ok(None) };
-        let f = matrix(f, "f_ext", (self.arm.sections.len(), 3))?;
+        let f = matrix(f, "f_ext", (self.arm.body.sections.len(), 3))?;
         Ok(Some(f.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect()))
     }
 
     /// Appends positions and rotations of the heads at lengths `q`.
     fn heads_into(&self, q: &[f64], links: &mut [Link<f64>], positions: &mut Vec<f64>, rotations: &mut Vec<f64>) {
-        pass(&self.arm, q, &[], Motion::Pose, links);
-        if effects::poses::acts(&*self.arm) {
-            effects::poses::heads(&self.arm, links, |head| {
+        pass(&self.arm.body, q, &[], Motion::Pose, links);
+        if effects::poses::acts(&self.arm.effects) {
+            effects::poses::heads(&self.arm.body, &self.arm.effects, links, |head| {
                 positions.extend(head.position.0);
                 rotations.extend(head.rotation.0.as_flattened());
             });
@@ -94,7 +94,7 @@ impl PyArm {
             return Cow::Borrowed(p);
         }
         let mut out = p.to_vec();
-        effects::pressures::at_rest(&self.arm, &mut out);
+        effects::pressures::at_rest(&self.arm.effects, &mut out);
         Cow::Owned(out)
     }
 
@@ -104,7 +104,7 @@ impl PyArm {
         fraction: f64,
         offset: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Point<f64>> {
-        let (py, count) = (section.py(), self.arm.sections.len());
+        let (py, count) = (section.py(), self.arm.body.sections.len());
         let section = whole(section, "section", (1, count))?;
         if !(0.0..=1.0).contains(&fraction) {
             return Err(input(py, format!("fraction: {fraction} is outside 0 to 1")));
@@ -131,7 +131,7 @@ impl PyArm {
     /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the base frame, effects on poses
     /// (torsion, non_constant_curvature) included; for lengths (m, 3n) of many states (m, n, 3) and (m, n, 3, 3). Paper (14).
     fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let (py, n) = (q.py(), self.arm.sections.len());
+        let (py, n) = (q.py(), self.arm.body.sections.len());
         let (q, rows) = vector_or_rows(q, "q", self.size())?;
         let Some(m) = rows else {
             let (mut positions, mut rotations) = (Vec::with_capacity(3 * n), Vec::with_capacity(9 * n));
@@ -160,8 +160,8 @@ impl PyArm {
         let point = self.point(section, fraction, offset)?;
         let q = vector(q, "q", self.size())?;
         let mut ws = self.workspace();
-        pass(&self.arm, &q, &[], Motion::Pose, &mut ws.links);
-        let (rotation, position) = pose(&self.arm, &ws.links, &point);
+        pass(&self.arm.body, &q, &[], Motion::Pose, &mut ws.links);
+        let (rotation, position) = pose(&self.arm.body, &ws.links, &point);
         let (rotation, position) = (finite(py, "rotation", rotation.0.concat())?, finite(py, "position", position.0)?);
         Ok((shaped(py, rotation, [3, 3])?, small(py, &position)))
     }
@@ -179,9 +179,9 @@ impl PyArm {
         let point = self.point(section, fraction, offset)?;
         let q = vector(q, "q", m)?;
         let mut ws = self.workspace();
-        pass(&self.arm, &q, &[], Motion::Pose, &mut ws.links);
+        pass(&self.arm.body, &q, &[], Motion::Pose, &mut ws.links);
         let mut columns = vec![[Vec3::zero(); 2]; m];
-        jacobian(&self.arm, &ws.links, &point, &mut columns);
+        jacobian(&self.arm.body, &ws.links, &point, &mut columns);
         let element = |row: usize| columns.iter().map(move |c| c[row / 3].0[row % 3]);
         shaped(py, finite(py, "jacobian", (0..6).flat_map(element).collect::<Vec<_>>())?, [6, m])
     }
@@ -194,7 +194,7 @@ impl PyArm {
         q: &Bound<'py, PyAny>,
         points_per_section: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (py, n) = (q.py(), self.arm.sections.len());
+        let (py, n) = (q.py(), self.arm.body.sections.len());
         let limits = (1, MOST_POINTS / n.max(1));
         let points_per_section = points_per_section.map_or(Ok(20), |k| whole(k, "points_per_section", limits))?;
         let (q, rows) = vector_or_rows(q, "q", self.size())?;
@@ -202,7 +202,7 @@ impl PyArm {
         let mut out = reserved("points", &[rows.unwrap_or(1), k, 3]).map_err(|e| to_python(py, &e))?;
         let (mut links, mut points) = (vec![Link::base(); n], Vec::with_capacity(k));
         self.each(py, &q, |q| {
-            shape(&self.arm, q, points_per_section, &mut links, &mut points);
+            shape(&self.arm.body, q, points_per_section, &mut links, &mut points);
             out.extend(points.iter().flat_map(|p| p.0));
         })?;
         let out = finite(py, "points", out)?;
@@ -214,9 +214,9 @@ impl PyArm {
 
     /// The paper's configuration (n, 3) of (7): phi, kappa, l of each section; phi = 0 where a section is straight.
     fn configuration<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
-        let (py, n) = (q.py(), self.arm.sections.len());
+        let (py, n) = (q.py(), self.arm.body.sections.len());
         let q = vector(q, "q", self.size())?;
-        let values = q.chunks_exact(3).zip(&self.arm.sections);
+        let values = q.chunks_exact(3).zip(&self.arm.body.sections);
         let out = values.flat_map(|(c, s)| configuration([c[0], c[1], c[2]], s.bellows_radius));
         shaped(py, finite(py, "configuration", out.collect::<Vec<_>>())?, [n, 3])
     }
@@ -232,7 +232,7 @@ impl PyArm {
     ) -> PyResult<DynamicsTerms> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
-        let p = pressures(p, "p", self.arm.inputs)?;
+        let p = pressures(p, "p", self.arm.body.inputs)?;
         let f = self.external(f_ext)?;
         let (q, qd, p) = (&q, &qd, &p);
         let (mut inertia, mut coriolis) = (vec![0.0; m * m], vec![0.0; m * m]);
@@ -313,14 +313,14 @@ impl PyArm {
     /// tau (3n,). Paper (53).
     fn actuation_force<'py>(&self, q: &Bound<'py, PyAny>, p: &Bound<'py, PyAny>) -> PyResult<Vector<'py>> {
         let py = q.py();
-        let (q, p) = (vector(q, "q", self.size())?, pressures(p, "p", self.arm.inputs)?);
+        let (q, p) = (vector(q, "q", self.size())?, pressures(p, "p", self.arm.body.inputs)?);
         let set = ForceSet { actuation: true, ..ForceSet::NONE };
         Ok(small(py, &finite(py, "actuation_force", self.force(set, (&q, &[]), &self.acting(&p), None))?))
     }
 
     /// d tau/dp (3n, inputs): tau = A(q) (p - p_amb).
     fn actuation_matrix<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Matrix<'py>> {
-        let (py, m, inputs) = (q.py(), self.size(), self.arm.inputs);
+        let (py, m, inputs) = (q.py(), self.size(), self.arm.body.inputs);
         let q = vector(q, "q", m)?;
         let mut out = vec![0.0; m * inputs];
         actuation_matrix_into(&self.arm, &q, &mut self.workspace(), &mut out);
@@ -349,7 +349,7 @@ impl PyArm {
     ) -> PyResult<Vector<'py>> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
-        let p = pressures(p, "p", self.arm.inputs)?;
+        let p = pressures(p, "p", self.arm.body.inputs)?;
         let f = self.external(f_ext)?;
         let mut qdd = vec![0.0; m];
         forward_dynamics_into(&self.arm, &q, &qd, &self.acting(&p), f.as_deref(), &mut self.workspace(), &mut qdd);
@@ -393,7 +393,7 @@ impl PyArm {
         start: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let py = p.py();
-        let p = pressures(p, "p", self.arm.inputs)?;
+        let p = pressures(p, "p", self.arm.body.inputs)?;
         let f = self.external(f_ext)?;
         let start = start.map(|s| vector(s, "start", self.size())).transpose()?;
         let p = self.acting(&p);

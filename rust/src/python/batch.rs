@@ -4,10 +4,10 @@ use super::arm::PyArm;
 use super::arrays::{any_vector, force_rows, matrix, pressure_rows, shaped, vector};
 use super::errors::{failure, input, to_python};
 use super::simulation::{interpolation_by_name, options};
-use crate::batch::{Batch, Channels, Member};
 use crate::error::Error;
-use crate::input::{Input, Interpolation};
+use crate::plant::input::{Input, Interpolation};
 use crate::real::lanes::InstructionSet;
+use crate::run::batch::{Batch, Channels, Member};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -67,7 +67,7 @@ pub fn simulate_batch<'py>(
     let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
     let arms: Vec<_> = arms.iter().map(|a| a.get().arm.clone()).collect();
     let Some(first) = arms.first() else { return Err(input(py, "arms: none; at least one is needed".to_owned())) };
-    let (columns, pressure_count) = (first.coordinates(), first.inputs);
+    let (columns, pressure_count) = (first.coordinates(), first.body.inputs);
     let read = |(k, (time, pressures, forces)): (usize, &Samples<'py>)| -> PyResult<Arc<Input>> {
         let time = any_vector(time, &format!("inputs[{k}].time"))?;
         let pressures = pressure_rows(pressures, &format!("inputs[{k}].pressures"), pressure_count)?;

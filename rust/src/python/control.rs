@@ -5,14 +5,14 @@ use super::arrays::{absolute, any_matrix, finite, matrix, pressures, rows, shape
 use super::errors::{failure, input, to_python};
 use super::signals::{Shared, Signals};
 use super::stepping::PyStepper;
-use crate::closed_loop::{self as core_loop, Exchange, Reference, Sensors};
 use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
 use crate::control::{Controller, ControllerParameters, Limits, Target, linearization};
 use crate::error::Error;
-use crate::linear::Vec3;
 use crate::memory::reserved;
-use crate::watch::left_behind;
+use crate::real::linear::Vec3;
+use crate::run::closed_loop::{self as core_loop, Exchange, Reference, Sensors};
+use crate::run::watch::left_behind;
 use nalgebra::DMatrix;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -37,7 +37,7 @@ impl PyController {
         let parameters: ControllerParameters =
             serde_json::from_str(parameters_json).map_err(|e| input(py, format!("controller: {e}")))?;
         let arm = arm.get().arm.clone();
-        let (coordinates, inputs) = (arm.coordinates(), arm.inputs);
+        let (coordinates, inputs) = (arm.coordinates(), arm.body.inputs);
         let controller = py.detach(|| Controller::new(arm, parameters)).map_err(|e| to_python(py, &e))?;
         Ok(Self { controller: Shared::new("controller", controller), coordinates, inputs })
     }
@@ -223,7 +223,7 @@ pub fn rest_near<'py>(
 ) -> PyResult<(Vector<'py>, Vector<'py>)> {
     let (py, arm) = (q.py(), &arm.get().arm);
     let q = vector(q, "q", arm.coordinates())?;
-    let limits = limits(arm.inputs, low, high, preferred)?;
+    let limits = limits(arm.body.inputs, low, high, preferred)?;
     let mut signals = Signals::new();
     let found = py.detach(|| core_loop::rest_near(arm, &q, &limits, &mut || signals.stop()));
     signals.result()?;
@@ -297,7 +297,7 @@ pub fn linearize<'py>(
 ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
     let (py, arm) = (q.py(), &arm.get().arm);
     let m = arm.coordinates();
-    let (q, qd, p) = (vector(q, "q", m)?, vector(qd, "qd", m)?, pressures(p, "p", arm.inputs)?);
+    let (q, qd, p) = (vector(q, "q", m)?, vector(qd, "qd", m)?, pressures(p, "p", arm.body.inputs)?);
     if let Some(h) = period.filter(|h| !(h.is_finite() && *h > 0.0)) {
         return Err(input(py, format!("period: {h}; a positive number of seconds is needed")));
     }

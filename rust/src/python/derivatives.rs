@@ -6,12 +6,12 @@ use super::batch::instruction_set_by_name;
 use super::errors::{input, to_python};
 use super::signals::Signals;
 use super::simulation::{interpolation_by_name, options};
-use crate::abreast::tangent;
+use crate::arm::structure::tangent;
 use crate::dynamics::derivatives::{self, Point};
-use crate::input::Input;
-use crate::linear::Vec3;
 use crate::memory::reserved;
-use crate::sensitivity::{Direction, Trajectory};
+use crate::plant::input::Input;
+use crate::real::linear::Vec3;
+use crate::run::sensitivity::{Direction, Trajectory};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex};
@@ -51,7 +51,7 @@ impl Differentiator {
         let tangents = tangents(arm.py(), &differences)?;
         let arm = &arm.get().arm;
         let inner = Mutex::new(derivatives::differentiator(arm, &tangents, set));
-        Ok(Self { inner, sections: arm.sections.len(), inputs: arm.inputs, tangents: tangents.len() })
+        Ok(Self { inner, sections: arm.body.sections.len(), inputs: arm.body.inputs, tangents: tangents.len() })
     }
 
     /// (q'', derivatives): one row of 3n a direction, by q, q', p and the arm's parameters.
@@ -101,7 +101,7 @@ pub fn sensitivities<'py>(
 ) -> PyResult<(Matrix<'py>, Cube<'py>)> {
     let py = arm.py();
     let arm = arm.get().arm.clone();
-    let (columns, inputs) = (arm.coordinates(), arm.inputs);
+    let (columns, inputs) = (arm.coordinates(), arm.body.inputs);
     let size = 2 * columns;
     let options = options(py, method, step, (rtol, atol), (1e-10, f64::INFINITY), max_steps)?;
     let interpolation = interpolation_by_name(py, interpolation)?;

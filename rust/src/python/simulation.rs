@@ -5,10 +5,10 @@ use super::arrays::{any_vector, force_rows, pressure_rows, shaped, vector};
 use super::errors::{failure, input, to_python};
 use super::signals::Signals;
 use crate::error::Error;
-use crate::input::{Input, Interpolation};
 use crate::integrate::{Method, Options};
 use crate::memory::reserved;
-use crate::simulate::Simulation;
+use crate::plant::input::{Input, Interpolation};
+use crate::run::simulation::Simulation;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
@@ -45,7 +45,7 @@ impl PySimulation {
     ) -> PyResult<Self> {
         let py = arm.py();
         let arm = arm.get().arm.clone();
-        let (sections, inputs) = (arm.sections.len(), arm.inputs);
+        let (sections, inputs) = (arm.body.sections.len(), arm.body.inputs);
         let interpolation = interpolation_by_name(py, interpolation)?;
         let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
         let times = any_vector(times, "times")?;

@@ -4,9 +4,9 @@ use super::arm::PyArm;
 use super::arrays::{absolute, any_vector, finite, matrix, pressures, rows, shaped, small, vector};
 use super::errors::{input, to_python};
 use super::signals::{Shared, Signals};
-use crate::closed_loop::Stepper;
-use crate::fleet::{Fleet, Start};
-use crate::stepping::{self, Plan, Stepping, Wish};
+use crate::run::closed_loop::Stepper;
+use crate::run::fleet::{Fleet, Start};
+use crate::run::stepping::{self, Plan, Stepping, Wish};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -32,7 +32,7 @@ impl PyStepper {
     #[pyo3(signature = (arm, step = 1e-3, method = "rk4"))]
     fn new(arm: &Bound<'_, PyArm>, step: f64, method: &str) -> PyResult<Self> {
         let arm_core = arm.get().arm.clone();
-        let (coordinates, inputs) = (arm_core.coordinates(), arm_core.inputs);
+        let (coordinates, inputs) = (arm_core.coordinates(), arm_core.body.inputs);
         let py = arm.py();
         let plan = Plan { stepping: stepping_by_name(py, method)?, step };
         let stepper = py.detach(|| Stepper::new(arm_core, plan)).map_err(|e| to_python(py, &e))?;
@@ -151,7 +151,7 @@ impl PyFleet {
         let py = arm.py();
         let plan = Plan { stepping: stepping_by_name(py, method)?, step };
         let arm = arm.get().arm.clone();
-        let (q, p) = (vector(q, "q", arm.coordinates())?, pressures(p, "p", arm.inputs)?);
+        let (q, p) = (vector(q, "q", arm.coordinates())?, pressures(p, "p", arm.body.inputs)?);
         let start = Start { q: &q, p: &p };
         let fleet = py.detach(|| Fleet::new(&arm, count, start, plan, threads));
         Ok(Self { fleet: Shared::new("fleet", fleet.map_err(|e| to_python(py, &e))?) })
@@ -232,7 +232,7 @@ pub fn plan_steps(
 ) -> PyResult<(&'static str, f64)> {
     let py = arm.py();
     let arm = arm.get().arm.clone();
-    let pressures = rows(pressures, "pressures", arm.inputs)?;
+    let pressures = rows(pressures, "pressures", arm.body.inputs)?;
     let stepping = method.map(|name| stepping_by_name(py, name)).transpose()?;
     let mut signals = Signals::new();
     let plan = py.detach(|| stepping::plan(&arm, &pressures, Wish { stepping, step, usual }, &mut || signals.stop()));

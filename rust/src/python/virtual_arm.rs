@@ -3,8 +3,8 @@
 use super::arrays::{any_vector, finite, force_rows, matrix, pressure_rows, pressures, shaped, small, vector};
 use super::errors::{input, to_python};
 use super::signals::Signals;
-use crate::input::{Input, Interpolation};
-use crate::parameters::ArmParameters;
+use crate::body::parameters::ArmParameters;
+use crate::plant::input::{Input, Interpolation};
 use crate::virtual_arm::{Creep, Distributed, State, VirtualArm};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;

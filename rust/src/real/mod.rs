@@ -8,6 +8,7 @@
 mod dual;
 mod fused;
 pub mod lanes;
+pub mod linear;
 mod several;
 
 pub use dual::Dual;

@@ -6,7 +6,7 @@
 use super::arc::ArcPoint;
 use super::frame::{Frame, product, times};
 use super::{Bellows, Section, VirtualArm};
-use crate::parameters::ForceModel;
+use crate::body::parameters::ForceModel;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Inertia matrix and generalized force (everything but M x'') on (u, v, l) of all sections.

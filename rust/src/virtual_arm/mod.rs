@@ -23,8 +23,8 @@ pub use arc::PSI_MAX;
 pub use run::{Rows, State};
 
 use crate::arm::Arm;
+use crate::body::parameters::{ArmParameters, ForceModel, PneumaticsLevel};
 use crate::error::{Error, Result};
-use crate::parameters::{ArmParameters, ForceModel, PneumaticsLevel};
 use nalgebra::Vector3;
 
 /// Mass along the arc of one section, besides the head plate that `SectionParameters` describe.

@@ -6,7 +6,7 @@ use super::VirtualArm;
 use super::arc::PSI_MAX;
 use super::equations::Actions;
 use crate::error::{Error, Result};
-use crate::input::{Cursor, Input};
+use crate::plant::input::{Cursor, Input};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Steps between two questions whether to stop.

@@ -4,12 +4,12 @@ use super::arc::ArcPoint;
 use super::equations::Actions;
 use super::{Creep, Distributed, State, VirtualArm};
 use crate::arm::Arm;
+use crate::arm::testing::{arm_parameters, states};
+use crate::body::parameters::{ArmParameters, ForceModel};
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
-use crate::dynamics::testing::{arm_parameters, states};
-use crate::input::{Input, Interpolation};
-use crate::linear::Vec3;
-use crate::parameters::{ArmParameters, ForceModel};
+use crate::plant::input::{Input, Interpolation};
+use crate::real::linear::Vec3;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
@@ -77,7 +77,7 @@ proptest! {
 /// A straight section that only lengthens: slices at (j + 1/2) / S of the way weigh m sum ((j + 1/2) / S)^2 / S.
 #[test]
 fn spread_mass_counts_a_third() {
-    let parameters = crate::dynamics::testing::fixed_parameters(1);
+    let parameters = crate::arm::testing::fixed_parameters(1);
     let bare = VirtualArm::new(&parameters, &[NONE], &[]).unwrap();
     let full = VirtualArm::new(&parameters, &[SLICES], &[]).unwrap();
     let still = Actions { pressures: &[0.0; 3], external: &[] };
@@ -89,7 +89,7 @@ fn spread_mass_counts_a_third() {
 /// Without damping and creep, energy is kept although everything moves fast: Coriolis forces of all slices are right.
 #[test]
 fn energy_is_kept_without_damping() {
-    let parameters = undamped(crate::dynamics::testing::fixed_parameters(3));
+    let parameters = undamped(crate::arm::testing::fixed_parameters(3));
     let arm = VirtualArm::new(&parameters, &[SLICES; 3], &[]).unwrap();
     let lengths = vec![0.14, 0.2, 0.22, 0.2, 0.15, 0.17, 0.12, 0.2, 0.16];
     let start = State { lengths, velocities: vec![0.1; 9], creep: Vec::new() };
@@ -110,7 +110,7 @@ fn energy_is_kept_without_damping() {
 /// Creep relaxes with its time constant, takes energy only, and leaves the rest where it was.
 #[test]
 fn creep_relaxes() {
-    let mut parameters = crate::dynamics::testing::fixed_parameters(1);
+    let mut parameters = crate::arm::testing::fixed_parameters(1);
     parameters.gravity = [0.0; 3];
     let creep = [Creep { share: 0.3, time_constant: 0.5 }];
     let arm = VirtualArm::new(&parameters, &[SLICES], &creep).unwrap();
@@ -132,7 +132,7 @@ fn creep_relaxes() {
 
 #[test]
 fn what_is_wrong_is_named() {
-    let parameters = crate::dynamics::testing::fixed_parameters(2);
+    let parameters = crate::arm::testing::fixed_parameters(2);
     let text = |d: &[Distributed], c: &[Creep]| VirtualArm::new(&parameters, d, c).unwrap_err().to_string();
     assert!(text(&[NONE], &[]).contains("one for each of the 2 sections"));
     assert!(text(&[NONE, Distributed { slices: 0, ..SLICES }], &[]).contains("section 2"));

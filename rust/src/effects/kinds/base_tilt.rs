@@ -4,11 +4,11 @@
 //! Sign: right-handed; about_y > 0 turns a gravity along z towards x. Acts by changing the arm's gravity.
 //! Validity: any angle up to a right angle; tilt about z is no tilt for gravity along z.
 
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};
 use crate::kinematics::arc::ArcFunctions;
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 
 /// Tilt of the base.
 #[derive(Clone, Debug)]
@@ -29,10 +29,10 @@ impl<T: Real> Effect<T> for BaseTilt<T> {
         Self { turn: Vec3([values[0], values[1], T::zero()]) }
     }
 
-    fn change_arm(&self, arm: &mut Arm<T>) {
+    fn change_arm(&self, body: &mut Body<T>) {
         // Rodrigues: R g = g + a (w x g) + b w x (w x g).
         let (w, f) = (self.turn, ArcFunctions::new(self.turn.dot(self.turn)));
-        let once = w.cross(arm.gravity);
-        arm.gravity = arm.gravity + once * f.a() + w.cross(once) * f.b();
+        let once = w.cross(body.gravity);
+        body.gravity = body.gravity + once * f.a() + w.cross(once) * f.b();
     }
 }

@@ -5,8 +5,8 @@
 //! Form: torque -c (u', v') on (u, v). Sign: resists. Validity: passive for c >= 0.
 
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 use std::ops::Range;
 
 /// Damping of bending.

@@ -4,7 +4,7 @@
 //! Form: k3 is added to that of the section. Sign: positive stiffens. Acts by changing the arm's parameters.
 //! Validity: conservative; with a negative k3 the moment turns round at psi = sqrt(-k1 / (3 k3)).
 
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};
 use crate::real::Real;
 use std::ops::Range;
@@ -27,8 +27,8 @@ impl<T: Real> Effect<T> for BendingNonlinear<T> {
         Self { cubic_stiffness: values[0], sections: definition.target.sections.clone() }
     }
 
-    fn change_arm(&self, arm: &mut Arm<T>) {
-        for section in &mut arm.sections[self.sections.clone()] {
+    fn change_arm(&self, body: &mut Body<T>) {
+        for section in &mut body.sections[self.sections.clone()] {
             section.bending_stiffness[1] += self.cubic_stiffness;
         }
     }

@@ -6,11 +6,11 @@
 //! D = (d + sqrt(d^2 + e^2)) / 2 with D' = dD/dd in 0 ... 1; force n max(k D + c D' d', 0). Sign: pushes along n.
 //! Validity: passive; a plane without friction against one point; acts below |d| of a few e from outside.
 
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
 use crate::forces::Wrench;
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 use std::ops::Range;
 
 /// A wall.
@@ -52,7 +52,7 @@ impl<T: Real> Effect<T> for Contact<T> {
         }
     }
 
-    fn objection(values: &[f64], _definition: &Definition, _arm: &Arm<f64>) -> Option<String> {
+    fn objection(values: &[f64], _definition: &Definition, _body: &Body<f64>) -> Option<String> {
         let length = values[5..8].iter().map(|x| x * x).sum::<f64>().sqrt();
         (length < 1e-6).then(|| "normal_x, normal_y, normal_z must not all be zero".to_owned())
     }

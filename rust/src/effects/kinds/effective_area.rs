@@ -37,7 +37,7 @@ impl<T: Real> Effect<T> for EffectiveArea<T> {
 
     #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, _hidden: &[T]) {
-        let all = now.arm.sections.iter().flat_map(|s| &s.bellows).enumerate();
+        let all = now.body.sections.iter().flat_map(|s| &s.bellows).enumerate();
         for (j, b) in all.skip(self.bellows.start).take(self.bellows.len()) {
             let state = &now.bellows[j];
             let change = self.by_pressure * state.pressure + self.by_length * (state.length - b.rest_length);

@@ -102,7 +102,7 @@ impl<T: Real> Effect<T> for Formula<T> {
         let t = T::from_f64(now.time);
         for j in self.bellows.clone() {
             let b = &now.bellows[j];
-            now.bellows_force[j] += self.value([b.length, b.rate, b.pressure + now.arm.ambient_pressure, t]);
+            now.bellows_force[j] += self.value([b.length, b.rate, b.pressure + now.body.ambient_pressure, t]);
         }
     }
 }

@@ -1,8 +1,35 @@
-//! The registry of kinds: one line and one file a kind.
+//! The registry of kinds: a file, its `mod` line and its line of the registry for each.
+//!
+//! The `mod` lines stand outside of the macro, since `cargo fmt` looks into no macro for files.
+
+pub mod base_tilt;
+pub mod bending_damping;
+pub mod bending_nonlinear;
+pub mod contact;
+pub mod creep;
+pub mod delay;
+pub mod effective_area;
+pub mod formula;
+pub mod friction;
+pub mod hysteresis;
+pub mod length_gain;
+pub mod length_offset;
+pub mod non_constant_curvature;
+pub mod payload;
+pub mod pressure_gain;
+pub mod pressure_lag;
+pub mod pressure_offset;
+pub mod quadratic_damping;
+pub mod section_coupling;
+pub mod tool_drag;
+pub mod torsion;
+pub mod valve_dead_band;
+pub mod weak_bellows;
+pub mod work_conjugate;
 
 use super::registry;
 use super::{Definition, Effect, Instant, Parameter, PlaceKind};
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::real::Real;
 
 registry::kinds! {

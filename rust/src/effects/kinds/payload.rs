@@ -6,10 +6,10 @@
 //! mass sits elsewhere or is less than assumed. Acts by changing the section's mass, centre of mass and inertia.
 //! Limits: a point mass; where the arm leaves rotational energy out, (58), both masses move as one at their common centre.
 
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};
-use crate::linear::{Sym3, Vec3};
 use crate::real::Real;
+use crate::real::linear::{Sym3, Vec3};
 
 /// A point mass.
 #[derive(Clone, Debug)]
@@ -21,8 +21,8 @@ pub struct Payload<T> {
 
 impl<T: Real> Payload<T> {
     /// Mass, centre of mass and inertia (moments, products) of the section with the payload.
-    fn combined(&self, arm: &Arm<T>) -> (T, Vec3<T>, Sym3<T>) {
-        let s = &arm.sections[self.section];
+    fn combined(&self, body: &Body<T>) -> (T, Vec3<T>, Sym3<T>) {
+        let s = &body.sections[self.section];
         let mass = s.mass + self.mass;
         let share = self.mass / mass;
         let apart = self.offset - s.center_of_mass;
@@ -48,13 +48,13 @@ impl<T: Real> Effect<T> for Payload<T> {
         Self { mass: values[0], offset, section: definition.target.sections.start }
     }
 
-    fn objection(values: &[f64], definition: &Definition, arm: &Arm<f64>) -> Option<String> {
+    fn objection(values: &[f64], definition: &Definition, body: &Body<f64>) -> Option<String> {
         let payload = Payload::new(definition, values);
-        let own = arm.sections[payload.section].mass;
+        let own = body.sections[payload.section].mass;
         if own + payload.mass <= 0.0 {
             return Some(format!("the section's mass is {own} kg; what is taken away must be less"));
         }
-        let (_, _, Sym3([xx, xy, xz, yy, yz, zz])) = payload.combined(arm);
+        let (_, _, Sym3([xx, xy, xz, yy, yz, zz])) = payload.combined(body);
         let minor = xx * yy - xy * xy;
         let determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
         let fine = payload.mass >= 0.0 || (xx >= 0.0 && minor >= 0.0 && determinant >= 0.0);
@@ -63,9 +63,9 @@ impl<T: Real> Effect<T> for Payload<T> {
         })
     }
 
-    fn change_arm(&self, arm: &mut Arm<T>) {
-        let (mass, center, Sym3([xx, xy, xz, yy, yz, zz])) = self.combined(arm);
-        let section = &mut arm.sections[self.section];
+    fn change_arm(&self, body: &mut Body<T>) {
+        let (mass, center, Sym3([xx, xy, xz, yy, yz, zz])) = self.combined(body);
+        let section = &mut body.sections[self.section];
         section.mass = mass;
         section.center_of_mass = center;
         section.inertia = Vec3([xx, yy, zz]);

@@ -4,10 +4,10 @@
 //! Form: torque -k ((u, v)_i - (u, v)_{i+1}) on section i and its opposite on section i + 1. Place: `section i` couples
 //! sections i and i + 1; `all` couples all neighbours. Validity: passive for k, c >= 0.
 
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 use std::ops::Range;
 
 /// Coupling of neighbouring sections.
@@ -30,8 +30,8 @@ impl<T: Real> Effect<T> for SectionCoupling<T> {
         Self { stiffness: values[0], damping: values[1], sections: definition.target.sections.clone() }
     }
 
-    fn objection(_values: &[f64], definition: &Definition, arm: &Arm<f64>) -> Option<String> {
-        let count = arm.sections.len();
+    fn objection(_values: &[f64], definition: &Definition, body: &Body<f64>) -> Option<String> {
+        let count = body.sections.len();
         let last = definition.target.sections.start + 1 == count;
         last.then(|| format!("section {count} is the last one; a section with one above it is needed"))
     }

@@ -6,8 +6,8 @@
 
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
 use crate::forces::Wrench;
-use crate::linear::Vec3;
 use crate::real::Real;
+use crate::real::linear::Vec3;
 
 /// Hose or tool.
 #[derive(Clone, Debug)]

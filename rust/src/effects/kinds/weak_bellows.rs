@@ -3,7 +3,7 @@
 //! Source: form of the catalogue, F_spr,j -> (1 + change) F_spr,j, paper (26). Sign: negative is weaker.
 //! Acts by changing the arm's parameters. Validity: conservative.
 
-use crate::arm::Arm;
+use crate::body::Body;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};
 use crate::real::Real;
 use std::ops::Range;
@@ -26,8 +26,8 @@ impl<T: Real> Effect<T> for WeakBellows<T> {
         Self { change: values[0], bellows: definition.target.bellows.clone() }
     }
 
-    fn change_arm(&self, arm: &mut Arm<T>) {
-        let all = arm.sections.iter_mut().flat_map(|s| &mut s.bellows);
+    fn change_arm(&self, body: &mut Body<T>) {
+        let all = body.sections.iter_mut().flat_map(|s| &mut s.bellows);
         for b in all.skip(self.bellows.start).take(self.bellows.len()) {
             for k in &mut b.stiffness {
                 *k *= self.change + 1.0;

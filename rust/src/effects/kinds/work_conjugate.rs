@@ -2,9 +2,9 @@
 //!
 //! Source: `docs/model.md`, force models; paper (27)-(32) for `end_force`. Acts by changing the arm.
 
-use crate::arm::Arm;
+use crate::body::Body;
+use crate::body::parameters::ForceModel;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};
-use crate::parameters::ForceModel;
 use crate::real::Real;
 use std::marker::PhantomData;
 
@@ -22,8 +22,8 @@ impl<T: Real> Effect<T> for WorkConjugate<T> {
         Self(PhantomData)
     }
 
-    fn change_arm(&self, arm: &mut Arm<T>) {
-        arm.force_model = match arm.force_model {
+    fn change_arm(&self, body: &mut Body<T>) {
+        body.force_model = match body.force_model {
             ForceModel::EndForce => ForceModel::WorkConjugate,
             ForceModel::WorkConjugate => ForceModel::EndForce,
         };

@@ -6,7 +6,7 @@ use crate::dynamics::terms::inertia_matrix_into;
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_arc};
 use crate::kinematics::point::{Point, jacobian};
-use crate::linear::Vec3;
+use crate::real::linear::Vec3;
 
 fn acceleration(arm: &Arm) -> Vec<f64> {
     let (q, qd) = state();
@@ -20,10 +20,10 @@ fn at_point(section: usize, offset: [f64; 3], f: impl Fn(Vec3<f64>, Vec3<f64>) -
     let arm = arm(&[]);
     let (q, qd) = state();
     let mut links = vec![Link::base(); 3];
-    pass(&arm, &q, &[], Motion::Pose, &mut links);
+    pass(&arm.body, &q, &[], Motion::Pose, &mut links);
     let point = Point { section, fraction: 1.0, offset: Vec3(offset) };
     let mut columns = vec![[Vec3::zero(); 2]; 9];
-    jacobian(&arm, &links, &point, &mut columns);
+    jacobian(&arm.body, &links, &point, &mut columns);
     let position = links[section].position + links[section].rotation.mul_vec(point.offset);
     let velocity = columns.iter().zip(&qd).fold(Vec3::zero(), |v, (c, qd)| v + c[0] * *qd);
     let force = f(position, velocity);
@@ -49,9 +49,9 @@ fn payload_adds_a_point_mass() {
         let plain = arm(&[]);
         inertia_matrix_into(&plain, &q, &mut Workspace::new(&plain), &mut without);
         let mut links = vec![Link::base(); 3];
-        pass(&plain, &q, &[], Motion::Pose, &mut links);
+        pass(&plain.body, &q, &[], Motion::Pose, &mut links);
         let mut columns = vec![[Vec3::zero(); 2]; 9];
-        jacobian(&plain, &links, &Point { section, fraction: 1.0, offset: Vec3(offset) }, &mut columns);
+        jacobian(&plain.body, &links, &Point { section, fraction: 1.0, offset: Vec3(offset) }, &mut columns);
         for r in 0..9 {
             for c in 0..9 {
                 without[9 * r + c] += mass * columns[r][0].dot(columns[c][0]);
@@ -86,7 +86,7 @@ fn those_that_change_the_arm_equal_a_changed_arm() {
     assert!(close(&acceleration(&a), &acceleration(&b), 1e-10));
     // Gravity turned about x.
     let tilted = arm(&[effect("base_tilt", "all", &[("about_x", 0.4), ("about_y", 0.0)])]);
-    assert!(close(&tilted.gravity.0, &[0.0, -9.81 * 0.4_f64.sin(), 9.81 * 0.4_f64.cos()], 1e-14));
+    assert!(close(&tilted.body.gravity.0, &[0.0, -9.81 * 0.4_f64.sin(), 9.81 * 0.4_f64.cos()], 1e-14));
 }
 
 #[test]
@@ -95,12 +95,12 @@ fn damping_torques_and_coupling_act_on_the_bending() {
         let arm = arm(effects);
         let f = force(&arm, EFFECTS);
         let three = |i: usize| Vec3([f[3 * i], f[3 * i + 1], f[3 * i + 2]]);
-        (0..3).map(|i| force_on_arc(three(i), arm.sections[i].bellows_radius).0).collect()
+        (0..3).map(|i| force_on_arc(three(i), arm.body.sections[i].bellows_radius).0).collect()
     };
     let plain = arm(&[]);
     let (q, qd) = state();
     let arc = |x: &[f64], i: usize| {
-        arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), plain.sections[i].inverse_radius).0
+        arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), plain.body.sections[i].inverse_radius).0
     };
     let found = on_arc(&[effect("bending_damping", "section 2", &[("damping", 0.07)])]);
     let rate = arc(&qd, 1);
@@ -154,7 +154,7 @@ fn forces_at_a_head() {
     // A wall 20 mm into the head, pushing along -z (normal of length 1/2).
     let (q, _) = state();
     let mut links = vec![Link::base(); 3];
-    pass(&arm(&[]), &q, &[], Motion::Pose, &mut links);
+    pass(&arm(&[]).body, &q, &[], Motion::Pose, &mut links);
     let height = links[2].position.z();
     for (inside, rounding) in [(0.02, 1e-6), (0.02, 1e-2), (-0.02, 1e-6)] {
         let wall = [
@@ -180,9 +180,9 @@ fn poses_see_twist_and_uneven_curvature() {
     let positions = |effects: &[EffectParameters]| {
         let arm = arm(effects);
         let mut links = vec![Link::base(); 3];
-        pass(&arm, &q, &[], Motion::Pose, &mut links);
+        pass(&arm.body, &q, &[], Motion::Pose, &mut links);
         let mut out = Vec::new();
-        crate::effects::poses::heads(&arm, &links, |head| out.push(head));
+        crate::effects::poses::heads(&arm.body, &arm.effects, &links, |head| out.push(head));
         (links, out)
     };
     let (links, plain) = positions(&[effect("torsion", "all", &[("stiffness", 1e6)])]);
@@ -193,8 +193,9 @@ fn poses_see_twist_and_uneven_curvature() {
     let (links, twisted) = positions(&[effect("torsion", "section 2", &[("stiffness", 20.0)])]);
     let arm = arm(&[]);
     let axis = links[1].rotation.column(2);
-    let moment: f64 =
-        (1..3).map(|i| axis.dot((links[i].center - links[1].position).cross(arm.gravity * arm.sections[i].mass))).sum();
+    let moment: f64 = (1..3)
+        .map(|i| axis.dot((links[i].center - links[1].position).cross(arm.body.gravity * arm.body.sections[i].mass)))
+        .sum();
     let (sin, cos) = (moment / 20.0).sin_cos();
     let column = links[1].rotation.column(0) * cos + links[1].rotation.column(1) * sin;
     assert!(close(&twisted[1].rotation.column(0).0, &column.0, 1e-4) && moment.abs() > 1e-3);

@@ -1,13 +1,13 @@
 //! Derivatives by every number of every kind: dual numbers against central differences.
 
 use super::*;
-use crate::drives::Drives;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::effects::poses::heads;
 use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
 use crate::effects::{EffectState, KINDS, PlaceKind};
-use crate::input::{Input, Interpolation};
+use crate::plant::drives::Drives;
+use crate::plant::input::{Input, Interpolation};
 use crate::real::{Dual, Real};
 use std::sync::Arc;
 
@@ -24,33 +24,33 @@ fn outputs<T: Real>(arm: &Arm<T>) -> Vec<T> {
     let x1: Vec<T> = lift(&[later.clone(), qd.iter().map(|v| 1.1 * v).collect()].concat());
     let mut ws = crate::dynamics::Workspace::new(arm);
     // One step behind, so that hidden states are not at rest.
-    let mut effects = EffectState::new(arm);
-    effects.begin_step(arm, 0.0, &x0);
-    effects.end_step(arm, h, &x1);
-    effects.begin_step(arm, h, &x1);
+    let mut effects = EffectState::new(&arm.body, &arm.effects);
+    effects.begin_step(&arm.body, 0.0, &x0);
+    effects.end_step(&arm.body, &arm.effects, h, &x1);
+    effects.begin_step(&arm.body, h, &x1);
     effects.time = 2.0 * h;
     ws.effects = effects;
     let mut out = vec![T::zero(); 9];
     let (q2, v2): (Vec<T>, Vec<T>) =
         (lift(&later.iter().zip(&qd).map(|(q, v)| q + h * v).collect::<Vec<_>>()), x1[9..].to_vec());
     forward_dynamics_into(arm, &q2, &v2, &lift::<T>(&pressures()), None, &mut ws, &mut out);
-    heads(arm, &ws.links, |head| out.extend(head.position.0.map(|x| x * 100.0)));
+    heads(&arm.body, &arm.effects, &ws.links, |head| out.extend(head.position.0.map(|x| x * 100.0)));
     // Channels that rise and fall through the chain.
     let samples = [(0.0, 0.0), (0.01, 1e4), (0.02, -2e4)];
     let rows = samples.iter().flat_map(|(_, p)| (0..9).map(move |k| 1.2e5 + (f64::from(k) - 3.5) * p)).collect();
     let samples = samples.map(|(t, _)| t);
     let input = Input::new(samples.to_vec(), (rows, 9), (Vec::new(), 0), Interpolation::Linear).unwrap();
     let mut drives = Drives::new(vec![(Arc::new(input), 0.0)]);
-    if let Some(mut chain) = PressureChain::new(arm, &mut drives, 0.0) {
+    if let Some(mut chain) = PressureChain::new(&arm.effects, arm.body.inputs, &mut drives, 0.0) {
         let mut p = vec![T::zero(); 9];
-        chain.begin_step(arm, &mut drives, 0.0, 0.017);
-        chain.acting(arm, &mut drives, 0.017, &mut p);
+        chain.begin_step(&arm.effects, &mut drives, 0.0, 0.017);
+        chain.acting(&arm.effects, &mut drives, 0.017, &mut p);
         out.extend(p.iter().map(|p| *p * 1e-3));
     }
-    if let Some(mut sensors) = Sensors::new(arm, 0.0, &x0) {
+    if let Some(mut sensors) = Sensors::new(&arm.effects, 0.0, &x0) {
         sensors.end_step(h, &x1);
         let mut lengths = vec![T::zero(); 9];
-        sensors.measure(arm, 2.0 * h, &x1, &mut lengths);
+        sensors.measure(&arm.effects, 2.0 * h, &x1, &mut lengths);
         out.extend(lengths.iter().map(|l| *l * 100.0));
     }
     out

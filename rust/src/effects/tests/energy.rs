@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::dynamics::energy::energy;
-use crate::input::{Input, Interpolation};
 use crate::integrate::{Integrator, Options};
 use crate::plant::Plant;
+use crate::plant::input::{Input, Interpolation};
 use proptest::prelude::*;
 use std::sync::Arc;
 

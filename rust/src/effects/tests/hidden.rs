@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::effects::EffectState;
-use crate::input::{Input, Interpolation};
 use crate::integrate::{Integrator, Method, Options};
 use crate::plant::Plant;
+use crate::plant::input::{Input, Interpolation};
 use std::sync::Arc;
 
 /// Hidden states of an effect on bellows 11 after a prescribed motion of its length in `steps` equal steps; the closure
@@ -17,7 +17,7 @@ fn follow(
     mut each: impl FnMut(f64, f64, &[f64]),
 ) -> Vec<f64> {
     let arm = arm(effects);
-    let mut state = EffectState::new(&arm);
+    let mut state = EffectState::new(&arm.body, &arm.effects);
     // All nine lengths move alike, so that each bellows of a section has the coordinate's length.
     let x = |t: f64| {
         let (q, qd) = motion(t);
@@ -25,8 +25,8 @@ fn follow(
     };
     for k in 0..steps {
         let (t0, t1) = (end * f64::from(k) / f64::from(steps), end * f64::from(k + 1) / f64::from(steps));
-        state.begin_step(&arm, t0, &x(t0));
-        state.end_step(&arm, t1, &x(t1));
+        state.begin_step(&arm.body, t0, &x(t0));
+        state.end_step(&arm.body, &arm.effects, t1, &x(t1));
         each(t1, motion(t1).0, state.hidden());
     }
     state.hidden().to_vec()

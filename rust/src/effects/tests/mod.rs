@@ -8,12 +8,12 @@ mod pressures;
 mod registry;
 mod sensors;
 
-use super::EffectParameters;
 use crate::arm::Arm;
+use crate::body::parameters::EffectParameters;
+use crate::body::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
 use crate::dynamics::Workspace;
 use crate::dynamics::terms::generalized_force_into;
 use crate::forces::ForceSet;
-use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
 
 /// The nominal arm, with work_conjugate forces and these effects.
 pub fn parameters(effects: &[EffectParameters]) -> ArmParameters {

@@ -1,11 +1,11 @@
 //! The chain of pressures and that of sensors.
 
 use super::*;
-use crate::drives::Drives;
 use crate::effects::pressures::{PressureChain, at_rest};
-use crate::input::{Input, Interpolation};
 use crate::integrate::{Method, Options};
-use crate::simulate::Simulation;
+use crate::plant::drives::Drives;
+use crate::plant::input::{Input, Interpolation};
+use crate::run::simulation::Simulation;
 use std::sync::Arc;
 
 /// An input whose first channel has these samples, the others 1 bar.
@@ -18,7 +18,7 @@ fn input(samples: &[(f64, f64)], interpolation: Interpolation) -> Input {
 fn acting(effects: &[EffectParameters], input: &Input, times: &[f64]) -> Vec<f64> {
     let arm = arm(effects);
     let mut drives = Drives::new(vec![(Arc::new(input.clone()), 0.0)]);
-    let mut chain = PressureChain::new(&arm, &mut drives, times[0]).unwrap();
+    let mut chain = PressureChain::new(&arm.effects, arm.body.inputs, &mut drives, times[0]).unwrap();
     let mut out = vec![0.0; 9];
     let mut found = Vec::new();
     for pair in times.windows(2) {
@@ -26,16 +26,16 @@ fn acting(effects: &[EffectParameters], input: &Input, times: &[f64]) -> Vec<f64
         while t < pair[1] {
             let jump = input.next_jump(t).min(chain.next_jump(&drives, t));
             let next = pair[1].min(jump);
-            chain.begin_step(&arm, &mut drives, t, next);
+            chain.begin_step(&arm.effects, &mut drives, t, next);
             // Stages out of order and a step begun again: the chain must not care.
             for share in [0.7, 0.3, 1.0] {
-                chain.acting(&arm, &mut drives, t + share * (next - t), &mut out);
+                chain.acting(&arm.effects, &mut drives, t + share * (next - t), &mut out);
             }
-            chain.begin_step(&arm, &mut drives, t, next);
-            chain.end_step(&arm, &mut drives, next);
+            chain.begin_step(&arm.effects, &mut drives, t, next);
+            chain.end_step(&arm.effects, &mut drives, next);
             t = next;
         }
-        chain.acting(&arm, &mut drives, t, &mut out);
+        chain.acting(&arm.effects, &mut drives, t, &mut out);
         assert!(out[1..].iter().all(|p| (p - 1e5).abs() < 1e-9));
         found.push(out[0]);
     }
@@ -125,7 +125,7 @@ fn delay_gain_and_offset() {
     let found = acting(&effects[..1], &jump, &[0.0, 0.512, 0.514, 0.6]);
     assert_eq!(found, [1e5, 2e5, 2e5]);
     let mut p = vec![1e5; 9];
-    at_rest(&arm(&effects), &mut p);
+    at_rest(&arm(&effects).effects, &mut p);
     assert!(close(&p, &[[1.02 * (1e5 - AMBIENT) + AMBIENT - 300.0].as_slice(), &[1e5; 8]].concat(), 1e-14));
 }
 

@@ -2,12 +2,12 @@
 
 use super::{arm, effect};
 use crate::arm::Arm;
-use crate::batch::{Batch, Channels, Member};
-use crate::effects::EffectParameters;
-use crate::input::{Input, Interpolation};
+use crate::body::parameters::EffectParameters;
 use crate::integrate::{Method, Options};
+use crate::plant::input::{Input, Interpolation};
 use crate::real::lanes::InstructionSet;
-use crate::simulate::{Rows, Simulation};
+use crate::run::batch::{Batch, Channels, Member};
+use crate::run::simulation::{Rows, Simulation};
 use std::sync::Arc;
 
 /// Two seconds of smooth pressures on nine inputs, Pa.

@@ -13,14 +13,14 @@ use self::sequences::Sequences;
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
-use crate::input::Input;
 use crate::integrate::{Method, Options, Statistics};
 use crate::kinematics::section::Pose;
 use crate::memory::filled;
+use crate::plant::input::Input;
+use crate::plant::stiffness::Fastest;
 use crate::real::lanes::{InstructionSet, dispatch};
-use crate::simulate::{Simulation, initial_state};
-use crate::stiffness::Fastest;
-use crate::watch::watched;
+use crate::run::simulation::{Simulation, initial_state};
+use crate::run::watch::watched;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -272,7 +272,7 @@ impl Batch<'_> {
         let wrong = |text: String| Err(Error::Input(text));
         let columns = self.arms.first().map_or(0, |a| a.coordinates());
         if let Some(k) = self.arms.iter().position(|a| a.coordinates() != columns) {
-            let (found, wanted) = (self.arms[k].sections.len(), columns / 3);
+            let (found, wanted) = (self.arms[k].body.sections.len(), columns / 3);
             return wrong(format!("arm {k} has {found} sections, arm 0 has {wanted}; a batch needs equal numbers"));
         }
         for (k, m) in self.members.iter().enumerate() {
@@ -284,10 +284,10 @@ impl Batch<'_> {
                 ));
             };
             let (pressures, forces) = (input.pressure_count(), input.force_count());
-            if pressures != arm.inputs {
+            if pressures != arm.body.inputs {
                 return wrong(format!(
                     "member {k}: its input has {pressures} pressures, its arm {} inputs",
-                    arm.inputs
+                    arm.body.inputs
                 ));
             }
             if forces != 0 && forces != columns {

@@ -1,7 +1,7 @@
 //! Random arms and states for property tests.
 
 use crate::arm::Arm;
-use crate::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
+use crate::body::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
 use proptest::prelude::*;
 
 /// Unit numbers in [0, 1) from which a state is made once the arm's size is known.
@@ -28,7 +28,7 @@ impl Seed {
     }
     /// Pressures between 0.7 and 2.2 bar.
     pub fn pressures(&self, arm: &Arm) -> Vec<f64> {
-        self.0[48..48 + arm.inputs].iter().map(|x| 0.7e5 + 1.5e5 * x).collect()
+        self.0[48..48 + arm.body.inputs].iter().map(|x| 0.7e5 + 1.5e5 * x).collect()
     }
 }
 

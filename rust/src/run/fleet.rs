@@ -4,7 +4,7 @@
 //!
 //! Steps by RK4, by the linearly implicit method for stiff arms, or by the symplectic Euler method (rates first, then
 //! lengths with the new rates; Hairer, Lubich & Wanner, *Geometric Numerical Integration*, sec. I.1): of first order, and
-//! one evaluation of the equations of motion in place of four. Which of them an arm is stable with: [`crate::stepping`].
+//! one evaluation of the equations of motion in place of four. Which of them an arm is stable with: [`crate::run::stepping`].
 //!
 //! For learning: thousands of environments that are stepped together and reset one by one. A lane that diverges is put back to
 //! rest and reported; the others do not notice. Every environment is computed by itself, so the result does not depend on
@@ -15,15 +15,15 @@ use crate::effects::poses;
 use crate::effects::pressures::PressureChain;
 use crate::effects::upstream::History;
 use crate::error::{Error, Result};
-use crate::input::{Input, Interpolation};
 use crate::integrate::{Integrator, Options, System};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::memory::reserved;
+use crate::plant::input::{Input, Interpolation};
 use crate::plant::{Memory, Plant};
 use crate::real::lanes::{AnyLanes, InstructionSet, dispatch};
 use crate::real::{Kernel, Real, all_finite};
-use crate::stepping::{Plan, Stepping};
-use crate::watch::watched_in;
+use crate::run::stepping::{Plan, Stepping};
+use crate::run::watch::watched_in;
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -128,10 +128,10 @@ impl Fleet {
         }
         let set = InstructionSet::best();
         let lanes = set.lanes();
-        let (inputs, coordinates) = (arm.inputs, arm.coordinates());
+        let (inputs, coordinates) = (arm.body.inputs, arm.coordinates());
         let threads = if count <= lanes * LEAST_BLOCKS { 1 } else { threads };
         let workers = if threads == 1 { None } else { Some(Workers::new(threads)?) };
-        if PressureChain::new(arm, &mut History::new(0.0, start.p), 0.0).is_some() {
+        if PressureChain::new(&arm.effects, arm.body.inputs, &mut History::new(0.0, start.p), 0.0).is_some() {
             return Err(Error::Input(
                 "this arm has effects on pressures, which environments that are reset one by one do not support; take them \
                  away with with_effects"
@@ -294,7 +294,7 @@ impl AnyLanes for Build<'_> {
         let block = Block {
             integrator: Integrator::new(options, 0.0, &x),
             guard: Guard { plant, parked: x.clone(), failed: false },
-            links: vec![Link::base(); arm.sections.len()],
+            links: vec![Link::base(); arm.body.sections.len()],
             lengths: q,
             chambers: p.clone(),
             starts: p.clone(),
@@ -478,10 +478,10 @@ impl<T: Real> Abreast for Block<T> {
     fn read(&mut self, out: &mut [f64]) {
         let x = self.integrator.state();
         let m = self.arm.coordinates();
-        pass(&self.arm, &x[..m], &[], Motion::Pose, &mut self.links);
+        pass(&self.arm.body, &x[..m], &[], Motion::Pose, &mut self.links);
         let mut tip = self.links[self.links.len() - 1].position;
-        if poses::acts(&*self.arm) {
-            poses::heads(&self.arm, &self.links, |head| tip = head.position);
+        if poses::acts(&self.arm.effects) {
+            poses::heads(&self.arm.body, &self.arm.effects, &self.links, |head| tip = head.position);
         }
         let width = 2 * m + self.chambers.len() + 3;
         for (k, row) in out.chunks_exact_mut(width).enumerate() {

@@ -5,11 +5,11 @@ use crate::dynamics::Workspace;
 use crate::dynamics::statics::static_lengths;
 use crate::effects;
 use crate::error::{Error, Result};
-use crate::input::{Cursor, Input};
 use crate::integrate::{Integrator, Method, Options, Statistics};
-use crate::linear::Vec3;
 use crate::plant::Plant;
-use crate::stiffness::{chosen, explained};
+use crate::plant::input::{Cursor, Input};
+use crate::plant::stiffness::{chosen, explained};
+use crate::real::linear::Vec3;
 use std::sync::Arc;
 
 /// A simulation under way; [`Simulation::advance`] may be called again and again.
@@ -106,7 +106,7 @@ impl Simulation {
         let mut rows = Rows {
             lengths: Vec::with_capacity(times.len() * n),
             velocities: Vec::with_capacity(times.len() * n),
-            pressures: Vec::with_capacity(times.len() * arm.inputs),
+            pressures: Vec::with_capacity(times.len() * arm.body.inputs),
             head_positions: Vec::with_capacity(times.len() * n),
             head_orientations: Vec::with_capacity(times.len() * n / 3 * 4),
             ..Rows::default()
@@ -120,9 +120,9 @@ impl Simulation {
                 rows.velocities.extend_from_slice(&x[n..2 * n]);
                 if commanded {
                     let place = input.weight(t, false, cursor);
-                    rows.pressures.extend((0..arm.inputs).map(|j| input.pressure(place, j)));
+                    rows.pressures.extend((0..arm.body.inputs).map(|j| input.pressure(place, j)));
                 }
-                effects::poses::seen(&arm, &x[..n], &mut ws.links, |_, head| {
+                effects::poses::seen(&arm.body, &arm.effects, &x[..n], &mut ws.links, |_, head| {
                     rows.head_positions.extend(head.position.0);
                     rows.head_orientations.extend(head.quaternion());
                 });
@@ -197,10 +197,10 @@ pub(crate) fn initial_state(
     let q = match q {
         Some(q) => q,
         None => {
-            let mut p: Vec<f64> = (0..arm.inputs).map(|j| input.pressure(place, j)).collect();
-            effects::pressures::at_rest(arm, &mut p);
+            let mut p: Vec<f64> = (0..arm.body.inputs).map(|j| input.pressure(place, j)).collect();
+            effects::pressures::at_rest(&arm.effects, &mut p);
             let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
-            let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.sections.len()).map(force).collect());
+            let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.body.sections.len()).map(force).collect());
             rest = static_lengths(arm, &p, f.as_deref(), None)?;
             &rest
         }

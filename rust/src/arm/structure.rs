@@ -3,9 +3,12 @@
 //! Two arms have one structure if they differ in numbers alone: the same sections, bellows, inputs, switches and kinds and
 //! places of effects.
 
-use crate::arm::Arm;
+use super::Arm;
+use crate::body::{Body, Section};
+use crate::effects::Definition;
 use crate::real::{Dual, Real};
 use std::cell::{Cell, RefCell};
+use std::sync::Arc;
 
 /// All numbers of an arm, in the order of [`Arm::map`].
 fn numbers(arm: &Arm) -> Vec<f64> {
@@ -29,8 +32,8 @@ fn rebuilt<T: Real>(arm: &Arm, build: impl Fn(usize) -> T) -> Arm<T> {
 /// Whether two arms differ in numbers alone.
 pub fn same_structure(a: &Arm, b: &Arm) -> bool {
     let air = |a: &Arm| a.pneumatics.as_ref().map(|p| (p.level, p.has_vacuum));
-    let switches = |a: &Arm| (a.force_model, a.rotational_energy, a.coriolis_forces, a.inputs, a.sections.len());
-    let section = |(s, t): (&crate::arm::Section<f64>, &crate::arm::Section<f64>)| {
+    let switches = |a: &Body| (a.force_model, a.rotational_energy, a.coriolis_forces, a.inputs, a.sections.len());
+    let section = |(s, t): (&Section<f64>, &Section<f64>)| {
         s.products_of_inertia.is_some() == t.products_of_inertia.is_some()
             && s.bellows.len() == t.bellows.len()
             && s.bellows
@@ -39,12 +42,12 @@ pub fn same_structure(a: &Arm, b: &Arm) -> bool {
                 .all(|(b, c)| (b.input, b.stiffness_terms) == (c.input, c.stiffness_terms))
     };
     let (e, f) = (&a.effects, &b.effects);
-    switches(a) == switches(b)
+    switches(&a.body) == switches(&b.body)
         && air(a) == air(b)
-        && a.sections.iter().zip(&b.sections).all(section)
+        && a.body.sections.iter().zip(&b.body.sections).all(section)
         && e.list.len() == f.list.len()
         && e.list.iter().zip(&f.list).all(|(e, f)| {
-            let program = |d: &crate::effects::Definition| d.program.as_ref().map(std::sync::Arc::as_ptr);
+            let program = |d: &Definition| d.program.as_ref().map(Arc::as_ptr);
             e.index == f.index
                 && e.definition.place == f.definition.place
                 && program(&e.definition) == program(&f.definition)

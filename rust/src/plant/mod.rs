@@ -1,7 +1,11 @@
 //! The arm as a system of differential equations under its inputs: x = (q, q').
 
+pub mod drives;
+pub mod input;
+pub mod stiffness;
+
 use crate::arm::Arm;
-use crate::drives::Drives;
+use crate::body::parameters::PneumaticsLevel;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::effects::poses;
@@ -9,15 +13,15 @@ use crate::effects::pressures::PressureChain;
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
 use crate::error::{Error, Result};
-use crate::input::Input;
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::chain::Link;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::kinematics::section::Pose;
-use crate::linear::Vec3;
-use crate::parameters::PneumaticsLevel;
+use crate::plant::drives::Drives;
+use crate::plant::input::Input;
 use crate::pneumatics::{Chambers, LONGEST_STEP};
+use crate::real::linear::Vec3;
 use crate::real::{Real, kernel};
 use std::sync::Arc;
 
@@ -82,7 +86,7 @@ impl<T: Real> Plant<T> {
     /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none.
     pub fn abreast(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let drives = Drives::new(inputs);
-        let (mut ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.inputs]);
+        let (mut ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.body.inputs]);
         ws.effects.clock = drives.callers_clock();
         Self {
             arm,
@@ -105,9 +109,10 @@ impl<T: Real> Plant<T> {
     /// The same plant with the arm's pneumatics, at rest at lengths `q` under the commands of time `t`: pressures are
     /// commands.
     pub fn with_pneumatics(mut self, t: f64, q: &[T]) -> Self {
-        let mut p = vec![T::zero(); self.arm.inputs];
+        let mut p = vec![T::zero(); self.arm.body.inputs];
         self.commands_into(t, false, &mut p);
-        self.chambers = Chambers::new(&self.arm, q, &p);
+        let arm = &self.arm;
+        self.chambers = arm.pneumatics.as_ref().map(|x| Chambers::new(x, &arm.body, q, &p));
         if self.chambers.is_some() {
             self.commands = [p.clone(), p];
         }
@@ -164,22 +169,22 @@ impl<T: Real> Plant<T> {
             let mut p = self.pressures.clone();
             self.chamber_pressures_into(t, &x[..x.len() / 2], &mut p);
             let mut history = History::new(t, &p).on_clock(self.drives.clock());
-            self.chain = PressureChain::new(&self.arm, &mut history, t);
+            self.chain = PressureChain::new(&self.arm.effects, self.arm.body.inputs, &mut history, t);
             if let Some(chain) = &self.chain {
                 history.reach(chain.horizon());
                 self.history = Some(history);
             }
         } else {
-            self.chain = PressureChain::new(&self.arm, &mut self.drives, t);
+            self.chain = PressureChain::new(&self.arm.effects, self.arm.body.inputs, &mut self.drives, t);
         }
-        self.sensors = Sensors::new(&self.arm, t, x);
+        self.sensors = Sensors::new(&self.arm.effects, t, x);
     }
 
     /// Lengths as their sensors have them at (`t`, `x`), within the last step, into `out`: the true ones where no sensor
     /// is modelled.
     pub fn measured_lengths_into(&self, t: f64, x: &[T], out: &mut [T]) {
         match &self.sensors {
-            Some(sensors) => sensors.measure(&self.arm, t, x, out),
+            Some(sensors) => sensors.measure(&self.arm.effects, t, x, out),
             None => out.copy_from_slice(&x[..out.len()]),
         }
     }
@@ -193,8 +198,8 @@ impl<T: Real> Plant<T> {
     /// is modelled. `links` is work space, one a section.
     pub fn measured_heads(&self, t: f64, x: &[T], links: &mut [Link<T>], each: impl FnMut(usize, Pose<T>)) {
         match &self.sensors {
-            Some(sensors) => sensors.measure_heads(&self.arm, t, x, links, each),
-            None => poses::seen(&self.arm, &x[..x.len() / 2], links, each),
+            Some(sensors) => sensors.measure_heads(&self.arm.body, &self.arm.effects, t, x, links, each),
+            None => poses::seen(&self.arm.body, &self.arm.effects, &x[..x.len() / 2], links, each),
         }
     }
 
@@ -202,10 +207,10 @@ impl<T: Real> Plant<T> {
     /// without pneumatics.
     #[inline(always)]
     pub fn chamber_pressures_into(&mut self, t: f64, q: &[T], out: &mut [T]) {
-        match &mut self.chambers {
-            Some(chambers) => chambers.pressures(&self.arm, t, q, out),
+        match (&mut self.chambers, &self.arm.pneumatics) {
+            (Some(chambers), Some(pneumatics)) => chambers.pressures(pneumatics, &self.arm.body, t, q, out),
             // At a step's end the limit from the left belongs to the step, also where a channel jumps.
-            None => self.commands_into(t, t >= self.step_end, out),
+            _ => self.commands_into(t, t >= self.step_end, out),
         }
     }
 
@@ -233,8 +238,8 @@ impl<T: Real> Plant<T> {
         }
         let mut pressures = std::mem::take(&mut self.pressures);
         match (&mut self.chain, &mut self.history) {
-            (Some(chain), Some(history)) => chain.acting(&self.arm, history, t, &mut pressures),
-            (Some(chain), None) => chain.acting(&self.arm, &mut self.drives, t, &mut pressures),
+            (Some(chain), Some(history)) => chain.acting(&self.arm.effects, history, t, &mut pressures),
+            (Some(chain), None) => chain.acting(&self.arm.effects, &mut self.drives, t, &mut pressures),
             (None, _) => self.chamber_pressures_into(t, q, &mut pressures),
         }
         self.pressures = pressures;
@@ -244,8 +249,8 @@ impl<T: Real> Plant<T> {
     /// now on. For plants without effects on pressures.
     pub fn restart(&mut self, which: impl Fn(usize) -> bool + Copy, x: &[T], p: &[T]) {
         self.hold(p);
-        if let Some(chambers) = &mut self.chambers {
-            chambers.restart(&self.arm, which, &x[..x.len() / 2], p);
+        if let (Some(chambers), Some(pneumatics)) = (&mut self.chambers, &self.arm.pneumatics) {
+            chambers.restart(pneumatics, &self.arm.body, which, &x[..x.len() / 2], p);
         }
         for hidden in self.ws.effects.hidden_mut() {
             *hidden = T::from_lanes(|k| if which(k) { 0.0 } else { hidden.lane(k) });
@@ -325,8 +330,8 @@ impl<T: Real> Plant<T> {
         self.commands_into(t0, false, &mut from);
         self.commands_into(t1, true, &mut to);
         self.commands = [from, to];
-        if let Some(chambers) = &mut self.chambers {
-            chambers.begin_step(&self.arm, (t0, t1), x0.split_at(x0.len() / 2), &self.commands);
+        if let (Some(chambers), Some(pneumatics)) = (&mut self.chambers, &self.arm.pneumatics) {
+            chambers.begin_step(pneumatics, &self.arm.body, (t0, t1), x0.split_at(x0.len() / 2), &self.commands);
         }
     }
 
@@ -335,8 +340,8 @@ impl<T: Real> Plant<T> {
     fn begin_history(&mut self, t0: f64, t1: f64) {
         let Some(history) = &mut self.history else { return };
         history.begin_step();
-        if let Some(chambers) = &mut self.chambers {
-            chambers.predicted(&self.arm, |t, p| history.note(t, p));
+        if let (Some(chambers), Some(pneumatics)) = (&mut self.chambers, &self.arm.pneumatics) {
+            chambers.predicted(pneumatics, |t, p| history.note(t, p));
         } else if let Some(held) = &self.held {
             history.note(t0, held);
             history.note(t1, held);
@@ -361,10 +366,10 @@ impl<T: Real> System<T> for Plant<T> {
     }
     #[inline(always)]
     fn output(&mut self, t: f64, x: &[T]) {
-        if let Some(chambers) = &mut self.chambers {
+        if let (Some(chambers), Some(pneumatics)) = (&mut self.chambers, &self.arm.pneumatics) {
             let start = self.chamber_pressures.len();
-            self.chamber_pressures.resize(start + self.arm.inputs, T::zero());
-            chambers.pressures(&self.arm, t, &x[..x.len() / 2], &mut self.chamber_pressures[start..]);
+            self.chamber_pressures.resize(start + self.arm.body.inputs, T::zero());
+            chambers.pressures(pneumatics, &self.arm.body, t, &x[..x.len() / 2], &mut self.chamber_pressures[start..]);
         }
     }
 
@@ -392,7 +397,7 @@ impl<T: Real> System<T> for Plant<T> {
     #[inline(always)]
     fn objection(&self, x: &[T]) -> Option<String> {
         let mut margin = T::one();
-        for (i, section) in self.arm.sections.iter().enumerate() {
+        for (i, section) in self.arm.body.sections.iter().enumerate() {
             let [u, v, l] = arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), section.inverse_radius).0;
             margin = margin.min(-(u * u + v * v) + PSI_MAX * PSI_MAX).min(l);
         }
@@ -405,7 +410,7 @@ impl<T: Real> Plant<T> {
     #[cold]
     #[inline(never)]
     fn reason(&self, x: &[T]) -> Option<String> {
-        for (i, section) in self.arm.sections.iter().enumerate() {
+        for (i, section) in self.arm.body.sections.iter().enumerate() {
             let [u, v, l] = arc_from_lengths(Vec3([x[3 * i], x[3 * i + 1], x[3 * i + 2]]), section.inverse_radius).0;
             if (u * u + v * v).largest() > PSI_MAX * PSI_MAX {
                 return Some(format!("section {} bends by more than one and a half turns", i + 1));
@@ -432,22 +437,22 @@ impl<T: Real> Plant<T> {
         self.begin_chambers(t0, t1, x0);
         self.begin_history(t0, t1);
         match (&mut self.chain, &mut self.history) {
-            (Some(chain), Some(history)) => chain.begin_step(&self.arm, history, t0, t1),
-            (Some(chain), None) => chain.begin_step(&self.arm, &mut self.drives, t0, t1),
+            (Some(chain), Some(history)) => chain.begin_step(&self.arm.effects, history, t0, t1),
+            (Some(chain), None) => chain.begin_step(&self.arm.effects, &mut self.drives, t0, t1),
             (None, _) => {}
         }
-        self.ws.effects.begin_step(&self.arm, t0, x0);
+        self.ws.effects.begin_step(&self.arm.body, t0, x0);
     }
 
     #[inline(always)]
     fn end_step_here(&mut self, t1: f64, x1: &[T]) {
-        self.ws.effects.end_step(&self.arm, t1, x1);
+        self.ws.effects.end_step(&self.arm.body, &self.arm.effects, t1, x1);
         match (&mut self.chain, &mut self.history) {
             (Some(chain), Some(history)) => {
-                chain.end_step(&self.arm, history, t1);
+                chain.end_step(&self.arm.effects, history, t1);
                 history.end_step();
             }
-            (Some(chain), None) => chain.end_step(&self.arm, &mut self.drives, t1),
+            (Some(chain), None) => chain.end_step(&self.arm.effects, &mut self.drives, t1),
             (None, _) => {}
         }
         if let Some(chambers) = &mut self.chambers {

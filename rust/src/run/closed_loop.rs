@@ -6,14 +6,14 @@
 use crate::arm::Arm;
 use crate::control::{Allocation, Limits, Target, law};
 use crate::dynamics::Workspace;
-use crate::dynamics::statics::static_lengths_until;
-use crate::effects::{self, poses};
+use crate::dynamics::statics::rest;
+use crate::effects::poses;
 use crate::error::{Error, Result};
-use crate::input::{Input, Interpolation};
 use crate::integrate::{Integrator, Options};
 use crate::kinematics::chain::{Motion, pass};
+use crate::plant::input::{Input, Interpolation};
 use crate::plant::{Memory, Plant};
-use crate::stepping::{Plan, Stepping};
+use crate::run::stepping::{Plan, Stepping};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -47,8 +47,8 @@ impl Stepper {
                 stepping.name()
             )));
         }
-        let p = vec![arm.ambient_pressure; arm.inputs];
-        let none = Input::new(vec![0.0], (p.clone(), arm.inputs), (Vec::new(), 0), Interpolation::Hold)?;
+        let p = vec![arm.body.ambient_pressure; arm.body.inputs];
+        let none = Input::new(vec![0.0], (p.clone(), arm.body.inputs), (Vec::new(), 0), Interpolation::Hold)?;
         let q = rest(&arm, &p, None, &mut || false)?;
         let mut x = q.clone();
         x.resize(2 * q.len(), 0.0);
@@ -74,7 +74,7 @@ impl Stepper {
         stop: &mut impl FnMut() -> bool,
     ) -> Result<()> {
         let m = self.arm.coordinates();
-        for (name, given, size) in [("q", q, m), ("qd", qd, m), ("p", Some(p), self.arm.inputs)] {
+        for (name, given, size) in [("q", q, m), ("qd", qd, m), ("p", Some(p), self.arm.body.inputs)] {
             if let Some(v) = given
                 && (v.len() != size || v.iter().any(|x| !x.is_finite()))
             {
@@ -118,7 +118,7 @@ impl Stepper {
     /// # Errors
     /// [`Error::Input`] for numbers that are not those of this arm.
     pub fn set_state(&mut self, numbers: &[f64]) -> Result<()> {
-        let (m, inputs) = (self.arm.coordinates(), self.arm.inputs);
+        let (m, inputs) = (self.arm.coordinates(), self.arm.body.inputs);
         let misfit = || Error::Input("state: it does not fit this arm; take one that this arm gave".to_owned());
         if numbers.iter().any(|x| !x.is_finite()) {
             return Err(Error::Input("state: finite numbers are needed".to_owned()));
@@ -214,20 +214,13 @@ pub fn rest_near(
     limits: &Limits,
     stop: &mut impl FnMut() -> bool,
 ) -> Result<(Vec<f64>, Vec<f64>)> {
-    limits.check(arm.inputs)?;
+    limits.check(arm.body.inputs)?;
     let mut ws = Workspace::new(arm);
-    let (mut tau, mut p) = (vec![0.0; q.len()], vec![0.0; arm.inputs]);
+    let (mut tau, mut p) = (vec![0.0; q.len()], vec![0.0; arm.body.inputs]);
     law::static_force(arm, q, &vec![0.0; q.len()], &mut ws, &mut tau);
     Allocation::new(arm, &limits.low, &limits.high, &limits.preferred).solve(arm, q, &tau, &mut ws, &mut p);
     let lengths = rest(arm, &p, Some(q), stop)?;
     Ok((p, lengths))
-}
-
-/// Lengths at rest under chamber pressures `p`.
-pub(crate) fn rest(arm: &Arm, p: &[f64], start: Option<&[f64]>, stop: &mut impl FnMut() -> bool) -> Result<Vec<f64>> {
-    let mut acting = p.to_vec();
-    effects::pressures::at_rest(arm, &mut acting);
-    static_lengths_until(arm, &acting, None, start, stop)
 }
 
 /// What the sensors add to the truth.
@@ -333,7 +326,7 @@ pub fn run(
     stop: &mut impl FnMut() -> bool,
 ) -> (LoopRows, Result<()>) {
     let arm = stepper.arm().clone();
-    let (m, inputs) = (arm.coordinates(), arm.inputs);
+    let (m, inputs) = (arm.coordinates(), arm.body.inputs);
     let kept = count / decimation.max(1) + 1;
     let mut rows = LoopRows {
         lengths: Vec::with_capacity(kept * m),
@@ -379,8 +372,8 @@ pub fn run(
             rows.commands.extend_from_slice(&command);
             rows.estimated_velocities.extend_from_slice(&estimated);
             rows.at_limit.extend_from_slice(&at_limit);
-            pass(&arm, stepper.lengths(), &[], Motion::Pose, &mut ws.links);
-            poses::heads(&arm, &ws.links, |head| rows.head_positions.extend(head.position.0));
+            pass(&arm.body, stepper.lengths(), &[], Motion::Pose, &mut ws.links);
+            poses::heads(&arm.body, &arm.effects, &ws.links, |head| rows.head_positions.extend(head.position.0));
             rows.count += 1;
         }
         if let Err(error) = stepper.step(&command, period, stop) {

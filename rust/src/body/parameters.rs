@@ -1,12 +1,12 @@
 //! What a parameter file says, fully expanded, as plain data.
 //!
 //! The keys are those of the schema `bha-arm/1`. The Python package validates a user's file and fills in defaults; this
-//! module reads the result (JSON) and [`crate::arm::Arm::new`] checks it again, so that the crate is safe on its own.
+//! module reads the result (JSON) and `Arm::new` checks it again, so that the crate is safe on its own.
 
-use crate::effects::EffectParameters;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
-/// How bellows forces act on the arm. See [`crate::forces`].
+/// How bellows forces act on the arm. See `forces`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ForceModel {
@@ -50,7 +50,7 @@ fn yes() -> bool {
     true
 }
 
-/// How much of the pneumatics is modelled. See [`crate::pneumatics`].
+/// How much of the pneumatics is modelled. See `pneumatics`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PneumaticsLevel {
@@ -149,4 +149,21 @@ pub struct BellowsParameters {
     pub damping: f64,
     /// Index of the pressure input that feeds it.
     pub input: usize,
+}
+
+/// An `[[effect]]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EffectParameters {
+    /// Kind, a name of the registry.
+    pub kind: String,
+    /// Place: `all`, `section 2`, `bellows 32`, `input p13`, `sensors`.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Numbers by name, SI.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, f64>,
+    /// The force of a `formula`.
+    #[serde(default)]
+    pub force: Option<String>,
 }

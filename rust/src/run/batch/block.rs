@@ -5,19 +5,19 @@
 
 use super::sequences::Sequences;
 use super::{Batch, Member, Slot};
-use crate::abreast::{abreast, same_structure};
 use crate::arm::Arm;
+use crate::arm::structure::{abreast, same_structure};
 use crate::effects::poses;
 use crate::error::Error;
 use crate::integrate::{Integrator, NOT_FINITE, System};
 use crate::kinematics::chain::Link;
 use crate::kinematics::section::Pose;
-use crate::linear::{Mat3, Vec3};
 use crate::plant::Plant;
+use crate::plant::stiffness::explained;
 use crate::real::lanes::AnyLanes;
+use crate::real::linear::{Mat3, Vec3};
 use crate::real::{Kernel, Real, all_finite};
-use crate::simulate::initial_state;
-use crate::stiffness::explained;
+use crate::run::simulation::initial_state;
 use std::marker::PhantomData;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,7 +39,8 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
     let same_input =
         a.input == b.input || inputs.0.force_count() == inputs.1.force_count() && inputs.0.jumps() == inputs.1.jumps();
     // Jumps come later by the arm's own delays.
-    let delayed = |arm: &Arm| arm.effects.list.iter().any(|e| (0..arm.inputs).any(|j| e.kind.input_delay(j).is_some()));
+    let delayed =
+        |arm: &Arm| arm.effects.list.iter().any(|e| (0..arm.body.inputs).any(|j| e.kind.input_delay(j).is_some()));
     same_times && same_clock && same_input && (a.arm == b.arm || !delayed(arms.0) && same_structure(arms.0, arms.1))
 }
 
@@ -131,7 +132,7 @@ fn run_abreast<'m, T: Real>(
     }
     let run = Run {
         integrator,
-        links: vec![Link::base(); arm.sections.len()],
+        links: vec![Link::base(); arm.body.sections.len()],
         arm: &arm,
         system,
         times: &times,
@@ -168,7 +169,7 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
     fn run(self) {
         let Self { mut integrator, mut system, arm, mut links, times, members, measured, stop } = self;
         let n = arm.coordinates();
-        let mut heads = vec![Pose { rotation: Mat3::identity(), position: Vec3::zero() }; arm.sections.len()];
+        let mut heads = vec![Pose { rotation: Mat3::identity(), position: Vec3::zero() }; arm.body.sections.len()];
         let wanted = members.iter().any(|(_, slot)| slot.heads());
         // Readings of the sensors, where they are wanted and modelled.
         if measured {
@@ -180,7 +181,7 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
         for (row, time) in times.iter().enumerate() {
             let mut sink = |_: f64, x: &[T]| {
                 if wanted {
-                    poses::seen(arm, &x[..n], &mut links, |i, head| heads[i] = head);
+                    poses::seen(&arm.body, &arm.effects, &x[..n], &mut links, |i, head| heads[i] = head);
                 }
                 for (k, (_, slot)) in members.iter_mut().enumerate() {
                     slot.write(row, n, |j| x[j].lane(k), |i| Some(heads[i].lane(k)));
@@ -325,12 +326,12 @@ impl<T: Real> System<T> for Parking<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::Channels;
-    use crate::dynamics::testing::fixed_parameters;
-    use crate::effects::EffectParameters;
-    use crate::input::{Input, Interpolation};
+    use crate::arm::testing::fixed_parameters;
+    use crate::body::parameters::EffectParameters;
     use crate::integrate::Options;
+    use crate::plant::input::{Input, Interpolation};
     use crate::real::InstructionSet;
+    use crate::run::batch::Channels;
 
     fn input(times: &[f64], first: f64, interpolation: Interpolation) -> Arc<Input> {
         let pressures = (0..3 * times.len()).map(|k| 1e5 + 1e3 * (first + k as f64)).collect();
@@ -345,8 +346,9 @@ mod tests {
             let (kind, place) = (kind.to_owned(), "all".to_owned());
             vec![EffectParameters { kind, place, parameters, force: force.map(str::to_owned) }]
         };
-        let arm =
-            |effect| Arc::new(Arm::new(&crate::parameters::ArmParameters { effect, ..parameters.clone() }).unwrap());
+        let arm = |effect| {
+            Arc::new(Arm::new(&crate::body::parameters::ArmParameters { effect, ..parameters.clone() }).unwrap())
+        };
         let delay = |time| arm(effect("delay", &[("time", time)], None));
         let arms = [
             arm(Vec::new()),

@@ -1,9 +1,9 @@
 //! The inputs that drive the lanes of a plant, and where their readers stand.
 
 use crate::effects::upstream::Upstream;
-use crate::input::{Cursor, Input};
-use crate::linear::Vec3;
+use crate::plant::input::{Cursor, Input};
 use crate::real::Real;
+use crate::real::linear::Vec3;
 use std::sync::Arc;
 
 /// Most lanes of any scalar.

@@ -6,15 +6,15 @@
 //! Limits: an adaptive method's step sizes count as constants. Where the input jumps at a time that depends on a parameter
 //! (a delay), the derivative at the jump is missing.
 
-use crate::abreast::with_tangents;
 use crate::arm::Arm;
+use crate::arm::structure::with_tangents;
 use crate::error::{Error, Result};
-use crate::input::Input;
 use crate::integrate::{Integrator, Options};
 use crate::plant::Plant;
+use crate::plant::input::Input;
+use crate::plant::stiffness::chosen;
 use crate::real::Dual;
-use crate::stiffness::chosen;
-use crate::watch::watched;
+use crate::run::watch::watched;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,7 +23,7 @@ use std::thread::available_parallelism;
 /// What varies: the numbers of the arm and the initial state, together.
 #[derive(Clone, Copy, Debug)]
 pub struct Direction<'a> {
-    /// Derivatives of the arm's numbers (see [`crate::abreast::tangent`]), or nothing.
+    /// Derivatives of the arm's numbers (see [`crate::arm::structure::tangent`]), or nothing.
     pub tangent: &'a [f64],
     /// Derivative of the initial lengths and rates, 6n.
     pub state: &'a [f64],

@@ -8,13 +8,14 @@
 //! Limits: rests under given pressures, linear. A reserve covers what lies between them and beyond.
 
 use crate::arm::Arm;
-use crate::closed_loop::rest;
+use crate::body::parameters::PneumaticsLevel;
 use crate::control::linearization::{Linearization, linearize};
+use crate::control::modes::{MANY_STATES, eigenvalues, fastest};
+use crate::dynamics::statics::rest;
 use crate::error::{Error, Result};
 use crate::integrate::Method;
-use crate::parameters::PneumaticsLevel;
 use crate::pneumatics::{LONGEST_STEP, chamber};
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, DMatrix};
 
 /// Part of the longest stable step that is taken where the step is chosen here.
 const RESERVE: f64 = 0.7;
@@ -24,10 +25,6 @@ const AMPLE: f64 = 3.0;
 const FIRST: usize = 3;
 /// Growth over a step that counts as none.
 const ROUNDING: f64 = 1e-6;
-/// States beyond which eigenvalues would take seconds: the modulus of the fastest alone is found by iteration.
-const MANY_STATES: usize = 150;
-/// Iterations for that, and how many of them are counted.
-const ITERATIONS: (usize, usize) = (300, 150);
 /// With h lambda of this modulus in the left half plane each explicit method is stable: Runge-Kutta, symplectic Euler.
 const SAFE: (f64, f64) = (2.0, 0.8);
 
@@ -86,31 +83,6 @@ pub struct Wish {
     pub usual: f64,
 }
 
-/// Modulus of the fastest eigenvalue of a linear model, 1/s: infinite where the model is not finite.
-pub fn fastest(state: &DMatrix<f64>) -> f64 {
-    if state.nrows() > MANY_STATES && state.iter().all(|x| x.is_finite()) {
-        return by_iteration(state);
-    }
-    eigenvalues(state).iter().fold(0.0, |m, z| m.max(z.norm()))
-}
-
-/// The same by the mean growth of a vector under `state`, again and again.
-fn by_iteration(state: &DMatrix<f64>) -> f64 {
-    let mut x = DVector::from_fn(state.nrows(), |k, _| (1.0 + k as f64).sin());
-    let mut growth = 0.0;
-    for k in 0..ITERATIONS.0 {
-        let size = x.norm();
-        if size == 0.0 {
-            return 0.0;
-        }
-        x = state * (x / size);
-        if k >= ITERATIONS.0 - ITERATIONS.1 {
-            growth += x.norm().max(f64::MIN_POSITIVE).ln();
-        }
-    }
-    (growth / ITERATIONS.1 as f64).exp()
-}
-
 /// The method and step for `arm` at rest under each row of `pressures` (one an input, Pa absolute).
 ///
 /// # Errors
@@ -164,7 +136,7 @@ pub fn longest_step(
     stop: &mut impl FnMut() -> bool,
 ) -> Result<f64> {
     let (mut longest, mut seen, mut failure) = (f64::INFINITY, 0, None);
-    for p in pressures.chunks_exact(arm.inputs) {
+    for p in pressures.chunks_exact(arm.body.inputs) {
         if seen >= FIRST && longest > enough {
             break;
         }
@@ -190,12 +162,12 @@ fn around_rest(arm: &Arm, q: &[f64], p: &[f64]) -> DMatrix<f64> {
     if let Some(pneumatics) = &arm.pneumatics
         && pneumatics.level == PneumaticsLevel::Full
     {
-        let (mut volumes, mut areas) = (vec![0.0; arm.inputs], vec![0.0; arm.inputs]);
-        chamber::volumes(arm, pneumatics.dead_volume, q, false, &mut volumes);
+        let (mut volumes, mut areas) = (vec![0.0; arm.body.inputs], vec![0.0; arm.body.inputs]);
+        chamber::volumes(&arm.body, pneumatics.dead_volume, q, false, &mut volumes);
         for k in 0..m {
             let unit: Vec<f64> = (0..m).map(|j| f64::from(j == k)).collect();
-            chamber::volumes(arm, pneumatics.dead_volume, &unit, true, &mut areas);
-            for j in 0..arm.inputs {
+            chamber::volumes(&arm.body, pneumatics.dead_volume, &unit, true, &mut areas);
+            for j in 0..arm.body.inputs {
                 // p V^n stays.
                 let slope = -pneumatics.exponent * p[j] * areas[j] / volumes[j];
                 for r in 0..m {
@@ -205,14 +177,6 @@ fn around_rest(arm: &Arm, q: &[f64], p: &[f64]) -> DMatrix<f64> {
         }
     }
     state
-}
-
-fn eigenvalues(state: &DMatrix<f64>) -> Vec<Complex<f64>> {
-    // Numbers that are not finite would be iterated on for ever.
-    if !state.iter().all(|x| x.is_finite()) {
-        return vec![Complex::new(f64::INFINITY, 0.0)];
-    }
-    state.complex_eigenvalues().iter().copied().collect()
 }
 
 /// The longest step up to `most` with which `stepping` is stable on x' = `state` x.
@@ -291,15 +255,7 @@ mod tests {
     /// Where there are too many states for eigenvalues: a chain of oscillators, slow ones and one that is fast and damped.
     #[test]
     fn the_fastest_of_many() {
-        let count = MANY_STATES;
-        let mut state = DMatrix::zeros(2 * count, 2 * count);
-        for k in 0..count {
-            let (w, d) = if k == 70 { (90.0, 0.4) } else { (10.0 + 0.2 * k as f64, 0.1) };
-            state[(k, count + k)] = 1.0;
-            state[(count + k, k)] = -w * w;
-            state[(count + k, count + k)] = -2.0 * d * w;
-        }
-        assert!((fastest(&state) / 90.0 - 1.0).abs() < 0.05, "{}", fastest(&state));
+        let state = crate::control::modes::testing::chain_of_oscillators();
         let step = stable_step(&state, Stepping::RungeKutta, f64::INFINITY);
         assert!((0.9..1.1).contains(&(90.0 * step / SAFE.0)));
     }
@@ -311,6 +267,5 @@ mod tests {
         for stepping in [Stepping::RungeKutta, Stepping::SymplecticEuler] {
             assert!(stable_step(&falling, stepping, f64::INFINITY) > 0.3);
         }
-        assert!(fastest(&DMatrix::from_element(2, 2, f64::NAN)).is_infinite());
     }
 }

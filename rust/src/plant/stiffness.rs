@@ -7,9 +7,9 @@
 
 use crate::arm::Arm;
 use crate::error::Error;
-use crate::input::Input;
 use crate::integrate::{Method, Options, System};
 use crate::plant::Plant;
+use crate::plant::input::Input;
 use nalgebra::{DMatrix, DVector, linalg::Schur};
 use std::sync::Arc;
 
@@ -109,16 +109,16 @@ pub fn explained(error: Error, options: Options, arm: &Arc<Arm>, input: &Arc<Inp
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::testing::fixed_parameters;
-    use crate::input::Interpolation;
-    use crate::parameters::ArmParameters;
+    use crate::arm::testing::fixed_parameters;
+    use crate::body::parameters::ArmParameters;
+    use crate::plant::input::Interpolation;
 
     fn fastest(change: impl Fn(&mut ArmParameters), sections: usize) -> Fastest {
         let mut parameters = fixed_parameters(sections);
         change(&mut parameters);
         let arm = Arc::new(Arm::new(&parameters).unwrap());
-        let p = vec![1.1e5; arm.inputs];
-        let input = Input::new(vec![0.0], (p, arm.inputs), (Vec::new(), 0), Interpolation::Linear).unwrap();
+        let p = vec![1.1e5; arm.body.inputs];
+        let input = Input::new(vec![0.0], (p, arm.body.inputs), (Vec::new(), 0), Interpolation::Linear).unwrap();
         let mut x: Vec<f64> = vec![0.2; arm.coordinates()];
         x.resize(2 * arm.coordinates(), 0.0);
         Fastest::at(&arm, &Arc::new(input), 0.0, &x).unwrap()

@@ -1,0 +1,51 @@
+//! The applied forces: [`accumulate`], the one function that sums them, elementary ones and effects.
+
+use crate::arm::Arm;
+use crate::effects::{self, EffectState};
+use crate::forces::weight::weight;
+use crate::forces::{ForceSet, Load, Wrench, bellows, bending};
+use crate::kinematics::chain::Link;
+use crate::real::kernel;
+use crate::real::linear::Vec3;
+
+kernel! {
+    /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
+    ///
+    /// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force
+    /// point (by default its centre of mass) in the base frame, N (none: no external force); `state`: work space and hidden
+    /// states of the effects.
+    pub fn accumulate<'a, T>(
+        arm: &'a Arm<T>,
+        set: ForceSet,
+        p: &'a [T],
+        f_ext: Option<&'a [Vec3<T>]>,
+        links: &'a [Link<T>],
+        state: &'a mut EffectState<T>,
+        loads: &'a mut [Load<T>],
+    ) {
+        let body = &arm.body;
+        // No `fill`: see `linear`.
+        for load in loads.iter_mut() {
+            *load = Load::zero();
+        }
+        if !arm.effects.list.is_empty() {
+            effects::state::add_forces(body, &arm.effects, (set.actuation, set.effects), p, links, state, loads);
+        }
+        let mut extra = state.bellows_force.iter();
+        for (i, section) in body.sections.iter().enumerate() {
+            let link = &links[i];
+            bellows::add(body, i, section, set, p, links, &mut extra, loads);
+            if set.bending {
+                loads[i].on_arc += bending::on_arc(section, link.arc);
+            }
+            if set.gravity {
+                loads[i].on_head.add(weight(section, body.gravity, link));
+            }
+            if set.external
+                && let Some(f) = f_ext
+            {
+                loads[i].on_head.add(Wrench::at(link.position + link.rotation.mul_vec(section.force_point), f[i]));
+            }
+        }
+    }
+}
