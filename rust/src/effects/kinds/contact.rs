@@ -1,10 +1,13 @@
 //! A one-sided wall against a head.
 //!
-//! Source: Kelvin-Voigt contact, force never pulling, with a rounded onset (penetration by a hyperbola) so that the step
-//! control of the arm does not stumble over it.
-//! Form: depth d = n.(wall - r), n the wall's unit normal out of it, r the head's origin, base frame; rounded depth
-//! D = (d + sqrt(d^2 + e^2)) / 2 with D' = dD/dd in 0 ... 1; force n max(k D + c D' d', 0). Sign: pushes along n.
-//! Validity: passive; a plane without friction against one point; acts below |d| of a few e from outside.
+//! Source: Kelvin-Voigt contact, force never pulling, with an onset rounded over a length e so that the step control of
+//! the arm does not stumble over it. Rounded by a polynomial and not by a hyperbola, whose force decays as e^2 / (4 |d|)
+//! only: a wall must not be felt from afar.
+//! Form: depth d = n.(wall - r), n the wall's unit normal out of it, r the head's origin, base frame; rounded depth D(d):
+//! 0 for d < -e, d for d > e, between them D = 2 e t^3 (1 - t / 2) with t = (d + e) / (2 e), D' = t^2 (3 - 2 t), which
+//! joins both with two continuous derivatives; force n max(k D + c D' d', 0). Sign: pushes along n.
+//! Validity: passive (energy of the spring: the integral of k D, not negative); a plane without friction against one
+//! point; nothing at all acts from e before the wall outwards.
 
 use crate::body::Body;
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
@@ -24,6 +27,16 @@ pub struct Contact<T> {
     sections: Range<usize>,
 }
 
+/// The depth rounded over `e` to both sides of the wall, and its derivative by the depth.
+#[inline(always)]
+fn rounded<T: Real>(depth: T, e: T) -> (T, T) {
+    let zero = T::zero();
+    let t = ((depth + e) / (e * 2.0)).max(zero).min(T::one());
+    let square = t * t;
+    // 2 t^3 (1 - t / 2) = t^3 (2 - t); beyond e the rest of the depth.
+    (e * square * t * (-t + 2.0) + (depth - e).max(zero), square * (t * -2.0 + 3.0))
+}
+
 impl<T: Real> Effect<T> for Contact<T> {
     const SUMMARY: &'static str = "one-sided wall against a head";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section];
@@ -36,7 +49,13 @@ impl<T: Real> Effect<T> for Contact<T> {
         Parameter::new("normal_x", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
         Parameter::new("normal_y", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
         Parameter::new("normal_z", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
-        Parameter::new("rounding", "m", 1e-6..=0.1, "length e over which the onset is rounded").or(1e-3),
+        Parameter::new(
+            "rounding",
+            "m",
+            1e-6..=0.1,
+            "length e to both sides of the wall over which the onset is rounded",
+        )
+        .or(1e-3),
     ];
     const SEVERAL: bool = true;
 
@@ -63,9 +82,8 @@ impl<T: Real> Effect<T> for Contact<T> {
             let link = &now.links[i];
             let depth = self.normal.dot(self.wall - link.position);
             let rate = -self.normal.dot(link.velocity);
-            let root = (depth * depth + self.rounding * self.rounding).sqrt();
-            let rounded = (depth + root) * 0.5;
-            let push = self.stiffness * rounded + self.damping * rate * (rounded / root);
+            let (rounded, slope) = rounded(depth, self.rounding);
+            let push = self.stiffness * rounded + self.damping * rate * slope;
             let force = self.normal * push.max(T::zero());
             now.loads[i].on_head.add(Wrench::at(link.position, force));
         }

@@ -72,10 +72,10 @@ fn sample(name: &str) -> Option<&'static [(&'static str, f64)]> {
         "contact" => &[
             ("stiffness", 500.0),
             ("damping", 5.0),
-            ("wall_z", 0.5),
+            ("wall_z", 0.46),
             ("normal_x", 0.2),
             ("normal_z", -0.9),
-            ("rounding", 0.02),
+            ("rounding", 0.1),
         ],
         "creep" => &[("stiffness", 300.0), ("tau", 0.01)],
         "hysteresis" => &[("amplitude", 3.0), ("yield", 2e-3)],
