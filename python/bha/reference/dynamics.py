@@ -10,6 +10,7 @@ each arc.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from bha.reference.derivatives import Transformations, position_derivative, tran
 from bha.reference.forces import actuation_force_above_ambient, actuation_force_terms, bias_force_terms
 from bha.reference.homogeneous import Array, inertia_in_base_frame, rate_operator, rotation_part, rotation_rate
 from bha.reference.parameters import Arm
+from bha.reference.wrenches import Wrench
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,13 +137,13 @@ def coriolis_matrix(arm: Arm, q: Array, qd: Array) -> Array:
     return coriolis_matrix_from(mass_terms(arm, transformations(arm, q, qd)))
 
 
-def bias_force(arm: Arm, q: Array, qd: Array, f_ext: Array | None = None) -> Array:
+def bias_force(arm: Arm, q: Array, qd: Array, f_ext: Array | None = None, wrenches: Sequence[Wrench] = ()) -> Array:
     """N(q, q') of (48) by (52): springs, damping, bending, gravity and external forces; (3n,), N.
 
-    ``f_ext`` (n, 3): force at each section's centre of mass in the world, N.
+    ``f_ext`` (n, 3): force at each section's centre of mass in the world, N; ``wrenches``: others, anywhere.
     """
     q, qd = vector(arm, "q", q), vector(arm, "qd", qd)
-    return bias_force_terms(arm, transformations(arm, q), q, qd, external(arm, f_ext))
+    return bias_force_terms(arm, transformations(arm, q), q, qd, external(arm, f_ext), wrenches)
 
 
 def actuation_force(arm: Arm, q: Array, p: Array) -> Array:
@@ -157,7 +159,9 @@ def actuation_matrix(arm: Arm, q: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def dynamics_terms(arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | None = None) -> DynamicsTerms:
+def dynamics_terms(
+    arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | None = None, wrenches: Sequence[Wrench] = ()
+) -> DynamicsTerms:
     """M, C, N and tau of (48) at one state, with the kinematics computed once; see the functions of each."""
     q, qd, p = vector(arm, "q", q), vector(arm, "qd", qd), vector(arm, "p", p)
     state = transformations(arm, q, qd if arm.coriolis_forces else None)
@@ -166,17 +170,19 @@ def dynamics_terms(arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | None 
     return DynamicsTerms(
         inertia_matrix=M,
         coriolis_matrix=coriolis_matrix_from(terms) if arm.coriolis_forces else np.zeros_like(M),
-        bias_force=bias_force_terms(arm, state, q, qd, external(arm, f_ext)),
+        bias_force=bias_force_terms(arm, state, q, qd, external(arm, f_ext), wrenches),
         actuation_force=actuation_force_terms(arm, state, p),
     )
 
 
-def forward_dynamics(arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | None = None) -> Array:
+def forward_dynamics(
+    arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | None = None, wrenches: Sequence[Wrench] = ()
+) -> Array:
     """q'' of (48), or of (61) without Coriolis forces, by a dense solution; (3n,), m/s^2.
 
     Raises numpy.linalg.LinAlgError where M is singular.
     """
-    terms = dynamics_terms(arm, q, qd, p, f_ext)
+    terms = dynamics_terms(arm, q, qd, p, f_ext, wrenches)
     force = terms.actuation_force - terms.bias_force
     if arm.coriolis_forces:
         force -= terms.coriolis_matrix @ qd
@@ -184,12 +190,14 @@ def forward_dynamics(arm: Arm, q: Array, qd: Array, p: Array, f_ext: Array | Non
     return qdd
 
 
-def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, f_ext: Array | None = None) -> Array:
+def inverse_dynamics(
+    arm: Arm, q: Array, qd: Array, qdd: Array, f_ext: Array | None = None, wrenches: Sequence[Wrench] = ()
+) -> Array:
     """tau of (48) that gives the accelerations qdd (3n,) m/s^2; (3n,), N."""
     q, qd, qdd = vector(arm, "q", q), vector(arm, "qd", qd), vector(arm, "qdd", qdd)
     state = transformations(arm, q, qd if arm.coriolis_forces else None)
     terms = mass_terms(arm, state)
-    tau = inertia_matrix_from(terms) @ qdd + bias_force_terms(arm, state, q, qd, external(arm, f_ext))
+    tau = inertia_matrix_from(terms) @ qdd + bias_force_terms(arm, state, q, qd, external(arm, f_ext), wrenches)
     if arm.coriolis_forces:
         tau += coriolis_matrix_from(terms) @ qd
     return tau

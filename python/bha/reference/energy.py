@@ -8,11 +8,13 @@ F_spr, and only with ``work_conjugate`` is it what the springs give back around 
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
 from bha.reference.arguments import vector
 from bha.reference.derivatives import position, position_derivative, transformations
+from bha.reference.forces import bending_moment
 from bha.reference.homogeneous import Array, inertia_in_base_frame, rotation_rate
 from bha.reference.parameters import Arm, Section
 
@@ -26,6 +28,7 @@ class Energy:
     potential_gravity: float
     potential_bending: float
     potential_springs: float
+    potential_axial: float = 0.0
 
     @property
     def kinetic(self) -> float:
@@ -34,8 +37,8 @@ class Energy:
 
     @property
     def potential(self) -> float:
-        """Equation (33) and the springs."""
-        return self.potential_gravity + self.potential_bending + self.potential_springs
+        """Equation (33), the springs, and what holds the mean lengths."""
+        return self.potential_gravity + self.potential_bending + self.potential_springs + self.potential_axial
 
     @property
     def total(self) -> float:
@@ -47,7 +50,7 @@ def energy(arm: Arm, q: Array, qd: Array) -> Energy:
     """Energies at lengths q (3n,) m and rates qd (3n,) m/s; rotational energy is 0 where the arm leaves it out (58)."""
     q, qd = vector(arm, "q", q), vector(arm, "qd", qd)
     state = transformations(arm, q)
-    trans = rot = grav = bend = springs = 0.0
+    trans = rot = grav = bend = springs = axial = 0.0
     for body in state.bodies:
         H_dot = np.tensordot(qd[: len(body.dH)], body.dH, 1)  # (70)
         velocity = position_derivative(H_dot, body.r_S)
@@ -58,19 +61,23 @@ def energy(arm: Arm, q: Array, qd: Array) -> Energy:
         grav -= body.mass * float(np.array(arm.gravity) @ position(body.H, body.r_S))
     for i, section in enumerate(arm.sections):
         bend += bending_potential(section, state.x[i])
-        springs += spring_potential(section, q[3 * i : 3 * i + 3])
-    return Energy(trans, rot, grav, bend, springs)
+        springs += spring_potential(section.stiffness, q[3 * i : 3 * i + 3] - section.rest_length)
+        axial += spring_potential(section.axial_stiffness, state.x[i][2] - section.axial_rest_length)
+    return Energy(trans, rot, grav, bend, springs, axial)
 
 
 def bending_potential(section: Section, x: Array) -> float:
-    """U_bend of (33) as the integral of the bending moment over psi, J; x = (u, v, l)."""
-    k1, k3 = section.bending_stiffness
-    s = float(x[0] ** 2 + x[1] ** 2)
-    return k1 * s / 2 + k3 * s**2 / 4
+    """U_bend of (33) as the integral of the bending moment M_bend(psi, phi) over psi, J; x = (u, v, l)."""
+    psi = float(np.hypot(x[0], x[1]))
+    phi = math.atan2(x[1], x[0])
+    # The moment is odd and cubic: two values say all of it.
+    one, two = (bending_moment(section, angle, (math.cos(phi), math.sin(phi))).real for angle in (1.0, 2.0))
+    k3 = (two - 2 * one) / 6
+    moment = np.polynomial.Polynomial([0.0, one - k3, 0.0, k3])
+    return float(moment.integ()(psi))
 
 
-def spring_potential(section: Section, lengths: Array) -> float:
-    """Integral of F_spr of (26) from the rest length, summed over the three bellows, J."""
-    extension = lengths - section.rest_length
-    powers = [k / (j + 1) * extension ** (j + 1) for j, k in enumerate(section.stiffness, start=1)]
+def spring_potential(stiffness: tuple[float, ...], extension: Array) -> float:
+    """Integral of a spring force (26) from rest, summed over the extensions, J."""
+    powers = [k / (j + 1) * extension ** (j + 1) for j, k in enumerate(stiffness, start=1)]
     return float(np.sum(powers))

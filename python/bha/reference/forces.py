@@ -13,12 +13,16 @@ tapered section the head's radius is that of the last arc; two areas have no pla
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from bha.reference.derivatives import Transformations
 from bha.reference.homogeneous import Array, rotation_part
 from bha.reference.parameters import BELLOWS_ANGLES, Arm, Section
 from bha.reference.transformations import bending_coordinates_jacobian
+from bha.reference.wrenches import Wrench, generalized_wrench
 
 
 def actuation_bellows_forces(arm: Arm, p: Array) -> Array:
@@ -46,20 +50,20 @@ def volume_derivatives(section: Section) -> Array:
     return derivatives
 
 
-def spring_force(section: Section, extension: Array) -> Array:
+def spring_force(stiffness: tuple[float, ...], extension: Array) -> Array:
     """F_spr of (26), a polynomial in q - rest_length from the first power on (Fig. 8); resists the extension, N."""
     force = np.zeros_like(extension)
-    for coefficient in reversed(section.stiffness):
+    for coefficient in reversed(stiffness):
         force = (force + coefficient) * extension
     return force
 
 
-def spring_stiffness(section: Section, extension: Array) -> Array:
+def spring_slope(stiffness: tuple[float, ...], extension: Array) -> Array:
     """dF_spr/dq of (26), N/m."""
-    stiffness = np.zeros_like(extension)
-    for power in range(len(section.stiffness), 0, -1):
-        stiffness = stiffness * extension + power * section.stiffness[power - 1]
-    return stiffness
+    slope = np.zeros_like(extension)
+    for power in range(len(stiffness), 0, -1):
+        slope = slope * extension + power * stiffness[power - 1]
+    return slope
 
 
 def passive_bellows_forces(arm: Arm, q: Array, qd: Array) -> Array:
@@ -67,7 +71,7 @@ def passive_bellows_forces(arm: Arm, q: Array, qd: Array) -> Array:
     lengths, rates = q.reshape(-1, 3), qd.reshape(-1, 3)
     return np.array(
         [
-            -spring_force(section, lengths[i] - section.rest_length) - section.damping * rates[i]
+            -spring_force(section.stiffness, lengths[i] - section.rest_length) - section.damping * rates[i]
             for i, section in enumerate(arm.sections)
         ]
     )
@@ -104,26 +108,72 @@ def generalized_bellows_force(arm: Arm, state: Transformations, F: Array) -> Arr
     return Q
 
 
-def bending_moment(section: Section, psi: complex) -> complex:
-    """M_bend(psi) = k1 psi + k3 psi^3, which straightens the section; N m. Linear in the paper (Fig. 9)."""
-    k1, k3 = section.bending_stiffness
-    return k1 * psi + k3 * psi**3
+def bending_moment(section: Section, psi: complex, direction: tuple[complex, complex]) -> complex:
+    """M_bend(psi, phi) of (33) = k1(phi) psi + k3(phi) psi^3, which straightens the section; N m.
+
+    Linear in psi in the paper (Fig. 9), which writes a dependence on phi and gives none. Here both coefficients go
+    from those in the plane phi = ``bending_plane`` to those at right angles to it as cos^2 goes to sin^2: the law of
+    a linear plate, and what two pairs of opposite springs do. ``direction`` is (cos phi, sin phi).
+    """
+    cosine, sine = in_principal_planes(section, direction)
+    (k1, k3), (cross_k1, cross_k3) = section.bending_stiffness, section.cross_bending_stiffness
+    return (cosine**2 * k1 + sine**2 * cross_k1) * psi + (cosine**2 * k3 + sine**2 * cross_k3) * psi**3
+
+
+def bending_turning_moment(section: Section, psi: complex, direction: tuple[complex, complex]) -> complex:
+    """dU_bend/dphi, which turns the bending towards the plane of least stiffness; N m. Zero where all planes are alike.
+
+    M_bend depends on phi, so that its integral over psi does too, and what has a potential has both derivatives.
+    """
+    cosine, sine = in_principal_planes(section, direction)
+    (k1, k3), (cross_k1, cross_k3) = section.bending_stiffness, section.cross_bending_stiffness
+    slope = -2 * cosine * sine  # of cos^2; that of sin^2 is its opposite
+    return slope * ((k1 - cross_k1) * psi**2 / 2 + (k3 - cross_k3) * psi**4 / 4)
+
+
+def in_principal_planes(section: Section, direction: tuple[complex, complex]) -> tuple[complex, complex]:
+    """Cosine and sine of phi - ``bending_plane``, from those of phi."""
+    c, s = math.cos(section.bending_plane), math.sin(section.bending_plane)
+    return c * direction[0] + s * direction[1], c * direction[1] - s * direction[0]
 
 
 def bending_potential_derivative(section: Section, x: Array) -> Array:
-    """Bending part of (35): dU_bend/dq_k = M_bend(psi) dpsi/dq_k of the section's own bellows; shape (3,), N.
+    """Bending part of (35): dU_bend/dq_k = M_bend dpsi/dq_k + dU_bend/dphi dphi/dq_k of the section; shape (3,), N.
 
     U_bend is the integral of M_bend over psi: the paper's (33) adds the moment itself to the potential, which does not
-    fit in units. dpsi = (u du + v dv) / psi, and zero at the straight pose, where M_bend is zero.
+    fit in units. dpsi = (u du + v dv) / psi, dphi = (u dv - v du) / psi^2; zero at the straight pose, where U_bend has
+    its least or a saddle.
     """
     u, v, _ = x
     psi = np.sqrt(u * u + v * v)
     if psi == 0.0:
         return np.zeros(3, dtype=x.dtype)
+    direction = (u / psi, v / psi)
     dx_dq = bending_coordinates_jacobian(section.bellows_radius)
     dpsi_dq = (u * dx_dq[0] + v * dx_dq[1]) / psi
-    derivative: Array = bending_moment(section, psi) * dpsi_dq
+    dphi_dq = (u * dx_dq[1] - v * dx_dq[0]) / psi**2
+    moment, turning = bending_moment(section, psi, direction), bending_turning_moment(section, psi, direction)
+    derivative: Array = moment * dpsi_dq + turning * dphi_dq
     return derivative
+
+
+def axial_forces(arm: Arm, q: Array, qd: Array) -> Array:
+    """What a sleeve or backbone does to the mean length l of its section: -F_axial(l - l_0) - d_axial l'; (n,), N.
+
+    Not in the paper, whose sections are held by their bellows alone. F_axial is a polynomial like F_spr of (26).
+    """
+    lengths, rates = q.reshape(-1, 3).mean(axis=1), qd.reshape(-1, 3).mean(axis=1)
+    return np.array(
+        [
+            -spring_force(s.axial_stiffness, lengths[i] - s.axial_rest_length) - s.axial_damping * rates[i]
+            for i, s in enumerate(arm.sections)
+        ]
+    )
+
+
+def generalized_axial_force(arm: Arm, q: Array, qd: Array) -> Array:
+    """Virtual work of the axial forces: Q_k = F dl/dq_k with l = (q1 + q2 + q3) / 3 (7c); shape (3n,), N."""
+    return np.repeat(axial_forces(arm, q, qd) / 3.0, 3)
 
 
 def potential_derivative(arm: Arm, state: Transformations) -> Array:
@@ -148,11 +198,19 @@ def generalized_external_force(arm: Arm, state: Transformations, f_ext: Array) -
     return Q
 
 
-def bias_force_terms(arm: Arm, state: Transformations, q: Array, qd: Array, f_ext: Array | None) -> Array:
-    """Equation (52): N = dU/dq - passive bellows forces - external forces, generalized; shape (3n,), N."""
+def bias_force_terms(
+    arm: Arm, state: Transformations, q: Array, qd: Array, f_ext: Array | None, wrenches: Sequence[Wrench] = ()
+) -> Array:
+    """Equation (52): N = dU/dq - passive bellows forces - external forces, generalized; shape (3n,), N.
+
+    Besides the paper's: axial forces of the sections, and wrenches that act anywhere from outside.
+    """
     N = potential_derivative(arm, state) - generalized_bellows_force(arm, state, passive_bellows_forces(arm, q, qd))
+    N -= generalized_axial_force(arm, q, qd)
     if f_ext is not None:
         N -= generalized_external_force(arm, state, f_ext)
+    for wrench in wrenches:
+        N -= generalized_wrench(arm, state, wrench)
     return N
 
 

@@ -70,8 +70,14 @@ class Section:
     rest_length: float  # m
     stiffness: tuple[float, ...]  # coefficients of (q - rest_length)^1, ^2, ...: N/m, N/m^2, ...
     damping: float  # N s/m
-    bending_stiffness: tuple[float, float]  # k1, k3 of M_bend = k1 psi + k3 psi^3, N m
+    bending_stiffness: tuple[float, float]  # k1, k3 of M_bend = k1 psi + k3 psi^3 where phi is bending_plane, N m
     length_range: tuple[float, float]  # m
+    cross_bending_stiffness: tuple[float, float]  # k1, k3 at right angles to that plane, N m
+    bending_plane: float = 0.0  # rad
+    # Of the mean length: coefficients of (l - axial_rest_length)^1, ^2, ...: N/m, N/m^2, ...
+    axial_stiffness: tuple[float, ...] = ()
+    axial_rest_length: float = 0.0  # m
+    axial_damping: float = 0.0  # N s/m
     base_offset: float = 0.0  # rigid piece along z below the arc, m
     head_offset: float = 0.0  # rigid piece along z above the arc, m; the head frame sits on top of it
     arcs: tuple[SectionArc, ...] = ()
@@ -267,6 +273,13 @@ def _section(table: _Table) -> Section:
         inertia = _three(table.numbers("inertia", 3))
     k1, k3 = [*table.numbers("bending_stiffness", 1, 2), 0.0][:2]
     terminal_area = table.number("terminal_area", positive=True)
+    cross_k1, cross_k3 = [*table.numbers("cross_bending_stiffness", 1, 2, default=(k1, k3)), 0.0][:2]
+    if "bending_plane" in table.values and "bending_plane_deg" in table.values:
+        raise ParameterError(
+            f"{table.where}: found both of bending_plane and bending_plane_deg, one at most is allowed"
+        )
+    bending_plane = math.radians(table.number("bending_plane_deg", default=0.0))
+    rest_length = table.number("rest_length", positive=True)
     section = Section(
         mass=mass,
         inertia=inertia,
@@ -274,11 +287,16 @@ def _section(table: _Table) -> Section:
         bellows_radius=r_B,
         bellows_outer_radius=r_b,
         terminal_area=terminal_area,
-        rest_length=table.number("rest_length", positive=True),
+        rest_length=rest_length,
         stiffness=table.numbers("stiffness", 1, 12),
         damping=table.number("damping"),
         bending_stiffness=(k1, k3),
         length_range=(shortest, longest),
+        cross_bending_stiffness=(cross_k1, cross_k3),
+        bending_plane=table.number("bending_plane", default=bending_plane),
+        axial_stiffness=table.numbers("axial_stiffness", 0, 12, default=()),
+        axial_rest_length=table.number("axial_rest_length", default=rest_length, positive=True),
+        axial_damping=table.number("axial_damping", default=0.0),
         base_offset=table.number("base_offset", default=0.0),
         head_offset=table.number("head_offset", default=0.0),
         arcs=_arcs(table.tables("arcs"), r_B, terminal_area),
