@@ -12,7 +12,7 @@ from scipy import stats
 
 import bha.sweeps
 from bha.sweeps.draws import grid_rows, key_of, monte_carlo_rows, quantile, uniforms
-from bha.sweeps.spec import Variable
+from bha.sweeps.variable import Variable
 
 from .small_sweeps import spec
 

@@ -25,8 +25,8 @@ from bha.cli.common import (
     say,
 )
 from bha.cli.common import table as new_table
+from bha.control.controller import Controller
 from bha.control.controllers import (
-    Controller,
     FeedbackLinearization,
     GravityPd,
     LinearQuadraticRegulator,
@@ -35,8 +35,9 @@ from bha.control.controllers import (
 )
 from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
+from bha.control.motions import point_to_point, tip_circle, tip_samples
 from bha.control.reach import Reachability, reachability
-from bha.control.references import Reference, point_to_point, tip_circle, tip_samples
+from bha.control.reference import Reference
 from bha.errors import BhaError, InputError, LogWarning, ReferenceWarning, SimulationError
 from bha.logs import Log
 from bha.parameters import PneumaticsLevel

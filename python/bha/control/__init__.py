@@ -5,8 +5,8 @@ A controller holds a model of its own, an :class:`bha.Arm` that need not be the 
 period runs in the compiled core; a Python function ``controller(t, y) -> p`` can stand in for it.
 """
 
+from bha.control.controller import Controller
 from bha.control.controllers import (
-    Controller,
     FeedbackLinearization,
     GravityPd,
     LinearQuadraticRegulator,
@@ -16,9 +16,10 @@ from bha.control.controllers import (
 from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
 from bha.control.margins import LinearLoop, linear_loop
+from bha.control.motions import hold, point_to_point, tip_circle, tip_line, tip_path, tip_samples
 from bha.control.observers import FilteredDifference, KalmanFilter
 from bha.control.reach import Reachability, reachability
-from bha.control.references import Reference, hold, point_to_point, tip_circle, tip_line, tip_path, tip_samples
+from bha.control.reference import Reference
 from bha.control.stepper import Stepper
 
 __all__ = [

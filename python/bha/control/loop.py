@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
-from bha.control.controllers import Controller
+from bha.control.controller import Controller
 from bha.control.limits import Limits
-from bha.control.references import Reference
+from bha.control.reference import Reference
 from bha.control.stepper import Stepper
 from bha.errors import InputError, SimulationError
 from bha.runs.trajectory import Trajectory

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from bha import _core
 from bha.control.limits import Limits
+from bha.control.reference import Reference
 from bha.errors import BhaError, InputError, ReferenceWarning
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.control.references import Reference
 
 Floats = NDArray[np.float64]
 

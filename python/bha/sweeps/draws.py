@@ -11,13 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from statistics import NormalDist
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from bha.sweeps.spec import Variable
+from bha.sweeps.variable import Variable
 
 Array = NDArray[np.float64]
 

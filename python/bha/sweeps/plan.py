@@ -20,8 +20,9 @@ from bha.parameters.messages import shown
 from bha.recordings import Recording, recordings
 from bha.runs.input import Input
 from bha.sweeps.draws import grid_rows, grid_values, levels, monte_carlo_rows
-from bha.sweeps.spec import GROUP, SweepSpec, Variable
+from bha.sweeps.spec import GROUP, SweepSpec
 from bha.sweeps.targets import Target, target_of
+from bha.sweeps.variable import Variable
 
 Array = NDArray[np.float64]
 

@@ -15,56 +15,20 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from bha.errors import ParameterError
 from bha.parameters import messages
-from bha.parameters.base import NotNegative, Number, Positive, Switch, Table, key, nearest, table_error
+from bha.parameters.base import NotNegative, Number, Positive, Table, key, nearest, table_error
 from bha.recordings import PressureSort
 from bha.runs.input import Interpolation
 from bha.runs.options import Method
 from bha.simulation.batch import InstructionSet
 from bha.sweeps.draws import check_variable, levels
 from bha.sweeps.metrics import METRICS
+from bha.sweeps.variable import Count, Variable
 
 SCHEMA = "bha-sweep/1"
 #: Partitions begin and end at multiples of this many runs, so that what is simulated in one call never depends on them.
 GROUP = 64
 #: A partition is in memory as a whole.
 LARGEST_PARTITION = 1 << 20
-
-Count = Annotated[int, Field(strict=True, ge=1, le=10**12)]
-Distribution = Literal["uniform", "log_uniform", "normal", "log_normal", "choice"]
-Spacing = Literal["linear", "log"]
-
-
-class Variable(Table):
-    """A ``[[vary]]`` table: one thing that differs from run to run."""
-
-    what: str = key("the path of a parameter, or input..., initial... as in docs/sweeps.md", strict=True, min_length=1)
-    distribution: Distribution | None = key(
-        '"uniform", "log_uniform", "normal", "log_normal" or "choice"; not in a grid', default=None
-    )
-    low: Number | None = key("a number below high; > 0 where logarithms are taken", default=None)
-    high: Number | None = key("a number above low", default=None)
-    mean: Number | None = key('a number, with distribution "normal"', default=None)
-    standard_deviation: Positive | None = key('a number > 0, with distribution "normal"', default=None)
-    median: Positive | None = key('a number > 0, with distribution "log_normal"', default=None)
-    log_standard_deviation: Positive | None = key(
-        'a number > 0, that of the natural logarithm, with distribution "log_normal"', default=None
-    )
-    values: tuple[Number | Annotated[str, Field(strict=True)], ...] | None = key(
-        'a list of numbers, or for input.log of names of logs; with distribution "choice", or in a grid',
-        default=None,
-        min_length=1,
-    )
-    weights: tuple[NotNegative, ...] | None = key(
-        "a list of numbers >= 0, one for each of values, not all zero", default=None
-    )
-    count: Count | None = key("a whole number >= 1: how many values from low to high, in a grid", default=None)
-    spacing: Spacing | None = key('"linear" or "log", in a grid with low and high; left out: linear', default=None)
-    relative: Switch = key("true or false: whether the numbers are factors of the file's value", default=False)
-
-    @property
-    def is_text(self) -> bool:
-        """Whether it chooses among names instead of numbers."""
-        return self.what == "input.log"
 
 
 class InputTable(Table):

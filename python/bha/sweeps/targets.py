@@ -10,7 +10,8 @@ from bha.arm import Arm
 from bha.errors import ParameterError
 from bha.parameters.base import nearest
 from bha.parameters.paths import available, expand, get_value, is_group, unit_of
-from bha.sweeps.spec import SweepSpec, Variable
+from bha.sweeps.spec import SweepSpec
+from bha.sweeps.variable import Variable
 
 
 @dataclass(frozen=True)

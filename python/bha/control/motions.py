@@ -1,4 +1,4 @@
-"""References: where the arm should be, period by period; jerk-limited, as lengths or from a path of the tip.
+"""Motions that make a :class:`Reference`: held, point to point, along a path of the tip; jerk-limited.
 
 Jerk-limited motion is that of ruckig (Berscheid & Kroeger, RSS 2021; extra ``control``): time-optimal within limits of
 velocity, acceleration and jerk, so that accelerations are continuous and feedback linearization can follow.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from bha import _core
 from bha.arrays import floats
 from bha.control.limits import Limits
 from bha.control.reach import comfortable_radius, warn_of_reach
+from bha.control.reference import Reference, row_count, samples, spread, vector
 from bha.errors import InputError
 from bha.support.extras import import_extra
 
@@ -27,100 +27,6 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """Where the arm should be; k rows at a constant period.
-
-    Attributes:
-        period: control period, s.
-        lengths: m, shape (k, 3n).
-        velocities: m/s, shape (k, 3n).
-        accelerations: m/s^2, shape (k, 3n).
-        tip_positions: wanted tip (head of the last section) in the base frame, m, shape (k, 3), or None.
-    """
-
-    period: float
-    lengths: Floats
-    velocities: Floats
-    accelerations: Floats
-    tip_positions: Floats | None = None
-
-    def __post_init__(self) -> None:
-        """Check that the shapes fit together."""
-        shape = np.shape(self.lengths)
-        if len(shape) != 2 or shape[0] == 0:
-            raise InputError(f"reference: lengths: expected shape (k, 3n) with k >= 1, found {shape}")
-        for name in ("velocities", "accelerations"):
-            if np.shape(getattr(self, name)) != shape:
-                raise InputError(f"reference: {name}: expected shape {shape}, found {np.shape(getattr(self, name))}")
-        if self.tip_positions is not None and np.shape(self.tip_positions) != (shape[0], 3):
-            raise InputError(
-                f"reference: tip_positions: expected shape {(shape[0], 3)}, found {np.shape(self.tip_positions)}"
-            )
-        if not (math.isfinite(self.period) and self.period > 0):
-            raise InputError(f"reference: period: {self.period}; a positive number of seconds is needed")
-
-    def __len__(self) -> int:
-        """Number of periods."""
-        return len(self.lengths)
-
-    @property
-    def time(self) -> Floats:
-        """Time of each row, s, from 0."""
-        return np.arange(len(self), dtype=np.float64) * self.period
-
-    def rows(self) -> Floats:
-        """Lengths, velocities and accelerations side by side, shape (k, 9n)."""
-        return np.ascontiguousarray(np.hstack([self.lengths, self.velocities, self.accelerations]))
-
-    @classmethod
-    def sampled(
-        cls, time: ArrayLike, lengths: ArrayLike, *, period: float = 1e-3, smoothing: float = 0.06
-    ) -> Reference:
-        """Lengths sampled at irregular times, brought to the control period and smoothed.
-
-        Straight lines between the samples are averaged three times over a third of ``smoothing``, so that rates and
-        accelerations are continuous; before and after the samples the arm rests.
-
-        Args:
-            time: of the samples, ascending, s, shape (k,).
-            lengths: m, shape (k, 3n).
-            period: control period, s.
-            smoothing: over how long each row is spread, s; 0: not at all, accelerations are those of differences.
-
-        Raises:
-            InputError: shapes that do not fit, times that do not ascend, numbers that are not finite.
-        """
-        when, rows = _samples(time, lengths, "lengths")
-        return cls._through(_spread(when, rows, period, smoothing), period)
-
-    @classmethod
-    def _through(cls, lengths: Floats, period: float, tip_positions: Floats | None = None) -> Reference:
-        """Rates and accelerations by central differences."""
-        if len(lengths) < 2:
-            still = np.zeros_like(lengths)
-            return cls(period, lengths, still, still.copy(), tip_positions)
-        velocities = np.gradient(lengths, period, axis=0)
-        return cls(period, lengths, velocities, np.gradient(velocities, period, axis=0), tip_positions)
-
-    def followed_by(self, other: Reference) -> Reference:
-        """This reference, then another of the same period and arm.
-
-        Raises:
-            InputError: the periods or the numbers of lengths differ.
-        """
-        if self.period != other.period or self.lengths.shape[1] != other.lengths.shape[1]:
-            raise InputError("reference: only references of the same period and arm can follow each other")
-        tips = (self.tip_positions, other.tip_positions)
-        return Reference(
-            self.period,
-            np.vstack([self.lengths, other.lengths]),
-            np.vstack([self.velocities, other.velocities]),
-            np.vstack([self.accelerations, other.accelerations]),
-            None if tips[0] is None or tips[1] is None else np.vstack([tips[0], tips[1]]),
-        )
-
-
 def hold(lengths: ArrayLike, duration: float, *, period: float = 1e-3) -> Reference:
     """The same ``lengths`` (3n,), m, for ``duration`` s.
 
@@ -128,10 +34,10 @@ def hold(lengths: ArrayLike, duration: float, *, period: float = 1e-3) -> Refere
         InputError: ``lengths`` is not a vector, ``duration`` is negative, ``period`` is not positive, or too many
             periods.
     """
-    row = _vector(lengths, "lengths")
+    row = vector(lengths, "lengths")
     if not (math.isfinite(duration) and duration >= 0):
         raise InputError(f"duration: {duration}; a number of seconds not below zero is needed")
-    count = max(1, _rows(duration, period))
+    count = max(1, row_count(duration, period))
     still = np.zeros((count, len(row)))
     return Reference(period, np.tile(row, (count, 1)), still, still.copy())
 
@@ -162,7 +68,7 @@ def point_to_point(
         InputError: shapes that differ, or limits that are not positive.
         MissingExtraError: ruckig is not installed.
     """
-    a, b = _vector(start, "start"), _vector(end, "end")
+    a, b = vector(start, "start"), vector(end, "end")
     if a.shape != b.shape:
         raise InputError(f"end: expected shape {a.shape}, as start has, found {b.shape}")
     # Along the straight line between them; the length that has farthest to go feels the limits.
@@ -214,10 +120,10 @@ def tip_path(
     bound = (max_velocity, max_acceleration, max_jerk)
     along, _, _ = _jerk_limited(float(length), bound, rest, period)
     positions = floats(path(along), "path(along)", (len(along), 3))
-    first = (bounds.shortest + bounds.longest) / 2 if start is None else _vector(start, "start")
-    aim = None if directions is None else np.tile(_vector(directions, "directions"), (len(positions), 1))
+    first = (bounds.shortest + bounds.longest) / 2 if start is None else vector(start, "start")
+    aim = None if directions is None else np.tile(vector(directions, "directions"), (len(positions), 1))
     lengths = _core.resolved_motion(arm, positions, aim, first, bounds.shortest, bounds.longest)
-    return warn_of_reach(arm, Reference._through(lengths, period, positions), bounds)
+    return warn_of_reach(arm, Reference.through(lengths, period, positions), bounds)
 
 
 def tip_samples(
@@ -238,17 +144,17 @@ def tip_samples(
         InputError: shapes that do not fit, times that do not ascend, numbers that are not finite.
         ConvergenceError: a position is out of the arm's reach.
     """
-    when, rows = _samples(time, positions, "positions")
-    tips = _spread(when, rows, period, smoothing)
+    when, rows = samples(time, positions, "positions")
+    tips = spread(when, rows, period, smoothing)
     limits = Limits.of(arm)
     middle = (limits.shortest + limits.longest) / 2
     lengths = _core.resolved_motion(arm, tips, None, middle, limits.shortest, limits.longest)
-    return warn_of_reach(arm, Reference._through(lengths, period, tips), limits)
+    return warn_of_reach(arm, Reference.through(lengths, period, tips), limits)
 
 
 def tip_line(arm: Arm, start: ArrayLike, end: ArrayLike, **options: Any) -> Reference:
     """Along a straight line of the tip from ``start`` to ``end`` (3,), m; the rest as for :func:`tip_path`."""
-    a, b = _vector(start, "start"), _vector(end, "end")
+    a, b = vector(start, "start"), vector(end, "end")
     length = float(np.linalg.norm(b - a))
     if length == 0:
         raise InputError("end: the same as start; a line needs two points")
@@ -300,7 +206,7 @@ def _jerk_limited(
     if not (math.isfinite(rest) and rest >= 0):
         raise InputError(f"rest: {rest}; a number of seconds not below zero is needed")
     duration, at = _fastest(distance, limits)
-    times = np.arange(_rows(duration + rest, period, math.ceil) + 1) * period
+    times = np.arange(row_count(duration + rest, period, math.ceil) + 1) * period
     rows = np.array([at(min(float(t), duration)) for t in times])
     return rows[:, 0], rows[:, 1], rows[:, 2]
 
@@ -352,58 +258,3 @@ def _scaled(motion: Any, scale: float) -> Callable[[float], tuple[float, float, 
         return scale * position[0], scale * velocity[0], scale * acceleration[0]
 
     return at
-
-
-def _rows(duration: float, period: float, whole: Callable[[float], int] = round) -> int:
-    """Periods in ``duration``.
-
-    Raises:
-        InputError: a period that is not positive, or more periods than memory could take.
-    """
-    if not (math.isfinite(period) and period > 0):
-        raise InputError(f"period: {period}; a positive number of seconds is needed")
-    if duration / period > _MOST_ROWS:
-        raise InputError(
-            f"reference: {duration:g} s at a period of {period:g} s are {duration / period:.2g} rows, more than "
-            f"{_MOST_ROWS:g}; a longer period, faster limits or a shorter reference"
-        )
-    return whole(duration / period)
-
-
-#: Most rows of a reference.
-_MOST_ROWS = 1e7
-
-
-def _samples(time: ArrayLike, values: ArrayLike, name: str) -> tuple[Floats, Floats]:
-    """Times (k,) from 0 on and values (k, any), checked."""
-    when, rows = _vector(time, "time"), floats(values, name, finite=False)
-    if rows.ndim != 2 or len(rows) != len(when) or len(when) == 0:
-        raise InputError(f"{name}: expected shape ({len(when)}, any), a row a time, found {rows.shape}")
-    if np.any(np.diff(when) <= 0):
-        raise InputError(f"time: must ascend; row {int(np.argmax(np.diff(when) <= 0)) + 1} does not")
-    if not np.all(np.isfinite(rows)):
-        row, column = np.argwhere(~np.isfinite(rows))[0]
-        raise InputError(f"{name}: row {row}, column {column} is {rows[row, column]}; a reference needs all of them")
-    return when - when[0], rows
-
-
-def _spread(time: Floats, rows: Floats, period: float, smoothing: float) -> Floats:
-    """Rows at every period, averaged three times over a third of ``smoothing``."""
-    if not (math.isfinite(period) and period > 0):
-        raise InputError(f"period: {period}; a positive number of seconds is needed")
-    if not (math.isfinite(smoothing) and smoothing >= 0):
-        raise InputError(f"smoothing: {smoothing}; a number of seconds not below zero is needed")
-    _rows(float(time[-1]) + smoothing, period)
-    half = round(smoothing / period / 6)
-    at = np.arange(-3 * half, math.ceil(time[-1] / period - 1e-9) + 3 * half + 1) * period
-    out = np.column_stack([np.interp(at, time, column) for column in rows.T])
-    for _ in range(3):
-        sums = np.cumsum(
-            np.vstack([np.repeat(out[:1], half + 1, axis=0), out, np.repeat(out[-1:], half, axis=0)]), axis=0
-        )
-        out = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
-    return np.asarray(out)
-
-
-def _vector(values: ArrayLike, name: str) -> Floats:
-    return floats(values, name, (None,))
