@@ -29,8 +29,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-import bha
-from bha import _core
+from bha import _core, robots
+from bha.arm import Arm
 from bha.control.limits import Limits
 from bha.control.stepper import plan_steps
 from bha.errors import InputError
@@ -68,8 +68,8 @@ def register() -> None:
 class _Task:
     """What one environment and many have in common: spaces, observations, targets."""
 
-    def __init__(self, arm: bha.Arm | str | None, period: float) -> None:
-        self.arm = bha.robots.load(arm or "bha_nominal") if arm is None or isinstance(arm, str) else arm
+    def __init__(self, arm: Arm | str | None, period: float) -> None:
+        self.arm = robots.load(arm or "bha_nominal") if arm is None or isinstance(arm, str) else arm
         if not (np.isfinite(period) and period > 0):
             raise InputError(f"period: {period}; a positive number of seconds is needed")
         self.period = float(period)
@@ -165,7 +165,7 @@ class _Fleet(_core.Fleet):
 
     def __new__(
         cls,
-        arm: bha.Arm,
+        arm: Arm,
         count: int,
         start: tuple[Floats, Floats],
         plan: tuple[str, float],
@@ -197,7 +197,7 @@ class ReachEnv(gymnasium.Env):  # type: ignore[misc,name-defined]
 
     def __init__(
         self,
-        arm: bha.Arm | str | None = None,
+        arm: Arm | str | None = None,
         *,
         period: float = 0.02,
         step: float | None = None,
@@ -260,7 +260,7 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc,name-defi
     def __init__(
         self,
         num_envs: int = 1,
-        arm: bha.Arm | str | None = None,
+        arm: Arm | str | None = None,
         *,
         period: float = 0.02,
         step: float | None = None,

@@ -14,7 +14,7 @@ from bha.cli.logs import missing_option, pressures_option, read_logs
 from bha.errors import InputError
 from bha.identification.excitation import KINDS, Excitation, excite
 from bha.identification.free import FreeParameter
-from bha.identification.refine import Settings
+from bha.identification.refinement import Settings
 from bha.identification.result import HeldOut, Identification
 from bha.identification.workflow import identify
 from bha.recordings import PressureSort
@@ -240,7 +240,7 @@ def _show_prospects(proposal: Excitation) -> None:
 
 
 def _write_figures(result: Identification, stem: Path) -> list[Path]:
-    from bha.identification import plots  # noqa: PLC0415  (figures need an extra)
+    from bha.plot import identification as plots  # noqa: PLC0415  (figures need an extra)
     from bha.plot.style import write_figure  # noqa: PLC0415
 
     written = [write_figure(plots.plot_correlation(result), stem.with_name(f"{stem.name}_correlation.pdf"))]

@@ -12,7 +12,7 @@ from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.moments import Inertia, inertia
 from bha.identification.records import Record, record
-from bha.identification.refine import Refinement, Settings, refine
+from bha.identification.refinement import Refinement, Settings, refine
 from bha.identification.residuals import ChannelResidual
 from bha.identification.result import Estimate, HeldOut, Identification, identification
 from bha.identification.static_fit import StaticFit, fit_poses

@@ -15,7 +15,7 @@ from bha.identification.engine import STEPS, Model
 from bha.identification.initial import guess_state
 from bha.identification.integration import choose_integration
 from bha.identification.records import Record, Window
-from bha.identification.refine import scales
+from bha.identification.refinement import scales
 from bha.identification.solver import Point, Problem, Residuals, solve
 
 Array = NDArray[np.float64]

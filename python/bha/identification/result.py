@@ -15,7 +15,7 @@ from bha.identification.free import Coordinate
 from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.records import Record
-from bha.identification.refine import Refinement
+from bha.identification.refinement import Refinement
 from bha.identification.residuals import ChannelResidual, channel_residuals
 from bha.identification.words import spoken
 from bha.parameters import ArmParameters, paths

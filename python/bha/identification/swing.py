@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import InputError
 from bha.identification.records import Record
-from bha.identification.refine import Refinement, Settings, refine
+from bha.identification.refinement import Refinement, Settings, refine
 from bha.identification.stretches import Stretch, swings
 from bha.support.extras import import_extra
 
@@ -94,7 +94,7 @@ def swing_damping(
         records: the logs.
         alike: whether one factor on all dampings is estimated, instead of one damping a section.
         settings: how the simulated swings are fitted.
-        progress: as in :func:`bha.identification.refine`.
+        progress: as in :func:`bha.identification.refinement`.
 
     Raises:
         InputError: no swing was found.

@@ -9,7 +9,7 @@ from bha.checkup import checked
 from bha.errors import InputError
 from bha.identification.free import FreeParameter, camera_free, default_free
 from bha.identification.records import Record, record
-from bha.identification.refine import Settings, refine
+from bha.identification.refinement import Settings, refine
 from bha.identification.result import Identification, identification
 from bha.logs import Log
 from bha.parameters import paths

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.arm import Arm
 from bha.errors import InputError
+from bha.logs import Log
 from bha.recordings.clock import later
 from bha.recordings.interpolation import akima
 from bha.recordings.outputs import Observation, observe
+from bha.recordings.readings import Readings
 from bha.recordings.samples import judge
 from bha.runs.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from bha.arm import Arm
-    from bha.logs import Log
-    from bha.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -27,7 +23,7 @@ LONGEST_GAP = 3.0
 SPARSE = 1.2
 
 
-def errors(recording: Recording, trajectory: Trajectory) -> Array:
+def errors(recording: Readings, trajectory: Trajectory) -> Array:
     """Simulated minus measured outputs at the rows of a trajectory, shape (rows, C); NaN where nothing was measured.
 
     What is denser is interpolated, the other never: readings to the rows where they are as dense as these; else the
@@ -66,7 +62,7 @@ def _smooth(at: Array, rows: Array, values: Array) -> Array:
     return akima(at, rows[forward], values[forward])
 
 
-def predicted(recording: Recording, trajectory: Trajectory) -> Array:
+def predicted(recording: Readings, trajectory: Trajectory) -> Array:
     """The outputs as the sensors would have had them in a simulation, shape (rows, C)."""
     t = trajectory
     lengths = t.lengths if t.measured_lengths is None else t.measured_lengths
@@ -77,7 +73,7 @@ def predicted(recording: Recording, trajectory: Trajectory) -> Array:
     return recording.observation.predicted(lengths, positions, turns)
 
 
-def as_trajectory(recording: Recording) -> Trajectory:
+def as_trajectory(recording: Readings) -> Trajectory:
     """What was measured, in rows that all outputs share: heads in the base frame, coordinates where lengths tell them.
 
     Velocities, and whatever was not measured, are NaN. Delays, gains and offsets of sensors are not taken back.

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha import names
+from bha.arm import Arm
 from bha.errors import LogWarning
-
-if TYPE_CHECKING:
-    from bha.arm import Arm
-    from bha.recordings.recording import Recording
+from bha.recordings.readings import Readings
 
 Array = NDArray[np.float64]
 
@@ -35,7 +32,7 @@ def input_ranges(arm: Arm) -> Array:
     return np.array([found[name] for name in arm.inputs])
 
 
-def outside(recording: Recording) -> list[str]:
+def outside(recording: Readings) -> list[str]:
     """A text for each input and each length that leaves its range, with channel, value, time and range."""
     arm, choice = recording.arm, recording.pressures
     pressures, ranges = recording.drive.pressures, input_ranges(arm)
@@ -151,7 +148,7 @@ def moment(time: float, first: float) -> str:
     return f"{time:.4g} s" if abs(first) < FAR_CLOCK else f"{time - first:.4g} s after its start"
 
 
-def _hint(recording: Recording, column: str, values: Array, permitted: Array) -> str:
+def _hint(recording: Readings, column: str, values: Array, permitted: Array) -> str:
     """What the fault may be: gauge pressure read as absolute, absolute one as gauge, or another unit."""
     ambient, middle = recording.arm.parameters.ambient_pressure, float(np.median(values))
     low, high = permitted

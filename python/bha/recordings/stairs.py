@@ -18,22 +18,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.arm import Arm
 from bha.errors import BhaError
 from bha.parameters import paths
 from bha.recordings.clock import later
 from bha.recordings.compare import predicted
+from bha.recordings.readings import Readings
 from bha.recordings.samples import changes
 from bha.runs.input import Input
 from bha.runs.simulation import Simulation, concatenate
-
-if TYPE_CHECKING:
-    from bha.arm import Arm
-    from bha.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 #: How stairs come into the model: with jumps in the rows of new readings, or straight from the row before.
@@ -93,7 +91,7 @@ class Stairs:
         )
 
 
-def stairs(recording: Recording) -> Stairs | None:
+def stairs(recording: Readings) -> Stairs | None:
     """What the arm tells of held pressures; None where none is held, or no output is dense enough."""
     held = [fact for fact in recording.pressure_facts if fact.held > 0.0]
     if not held:
@@ -130,7 +128,7 @@ def stairs(recording: Recording) -> Stairs | None:
 class _Look:
     """Some rows and outputs of a recording in which ripples are looked at."""
 
-    recording: Recording
+    recording: Readings
     rows: slice
     dense: tuple[int, ...]
     renewal: float
@@ -203,7 +201,7 @@ def ripple(time: Array, values: Array, renewal: float) -> Array:
     return values
 
 
-def _liveliest(recording: Recording) -> slice:
+def _liveliest(recording: Readings) -> slice:
     """The rows of the longest stretch that is simulated, in which the pressures travel furthest."""
     time = recording.time
     if time[-1] - time[0] <= LONGEST:

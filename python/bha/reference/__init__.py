@@ -7,7 +7,7 @@ pose), z along the straight arm.
 
 Where each equation is: (3)-(14) ``kinematics``; (66), (68) ``transformations``; (19)-(21), (63)-(73) ``derivatives``;
 (22)-(24), (39) ``homogeneous``; (25)-(35), (52), (53) ``forces``; (48)-(51), (58)-(61) ``dynamics``; (16), (33),
-(36)-(38) ``energy``; (17) for any point ``wrenches``; (18), (55)-(57) ``parameters``; (62) ``statics``.
+(36)-(38) ``energies``; (17) for any point ``wrenches``; (18), (55)-(57) ``parameters``; (62) ``statics``.
 """
 
 from bha.reference.derivatives import forward_kinematics
@@ -22,7 +22,7 @@ from bha.reference.dynamics import (
     inertia_matrix,
     inverse_dynamics,
 )
-from bha.reference.energy import Energy, energy
+from bha.reference.energies import Energy, energy
 from bha.reference.parameters import Arm, PointMass, Section, SectionArc, load_arm, parse_arm
 from bha.reference.simulation import ReferenceTrajectory, right_hand_side, simulate_rk4
 from bha.reference.statics import decoupled_static_lengths, static_lengths, static_residual

@@ -22,7 +22,7 @@ from bha.sweeps import folder as storage
 from bha.sweeps.cluster import on_cluster
 from bha.sweeps.execute import on_this_computer
 from bha.sweeps.metrics import METRICS, Metric
-from bha.sweeps.partitions import partitions, read_partition, write_partition
+from bha.sweeps.partitions import partitions_in, read_partition, write_partition
 from bha.sweeps.plan import AnySpec, Plan, make_plan
 from bha.sweeps.spec import SweepSpec
 from bha.sweeps.summary import Summary, summarize
@@ -122,7 +122,7 @@ def read(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> A
         if name not in found.columns:
             raise InputError(f"{out}: no column {name!r}; allowed: {', '.join(found.columns)}")
     names = None if columns is None else list(columns)
-    tables = [read_partition(folder, partition, found.fingerprint, names) for partition in partitions(folder)]
+    tables = [read_partition(folder, partition, found.fingerprint, names) for partition in partitions_in(folder)]
     if not tables:
         raise InputError(f"{out}: has no finished partition yet")
     return arrow.concat_tables([table.replace_schema_metadata(None) for table in tables])

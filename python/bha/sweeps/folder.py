@@ -22,7 +22,7 @@ from bha.errors import FileError, FileWarning, InputError, way_out
 from bha.support.files import UNFINISHED, make_folder, written_whole
 from bha.support.locks import locked as process_locked
 from bha.sweeps.group import columns
-from bha.sweeps.partitions import DamagedError, check_partition, partition_path, partitions
+from bha.sweeps.partitions import DamagedError, check_partition, partition_path, partitions_in
 from bha.sweeps.plan import Plan
 
 MANIFEST = "sweep.json"
@@ -137,7 +137,7 @@ def check_vacant(folder: Path) -> None:
         raise FileError(f"{folder}: cannot be read: {way_out(error)}") from error
     if MANIFEST in there:
         return
-    ours = {partition_path(folder, number).name for number in partitions(folder)} | {_LOCK}
+    ours = {partition_path(folder, number).name for number in partitions_in(folder)} | {_LOCK}
     others = [name for name in there if name not in ours and not _LEFTOVER.fullmatch(name)]
     if others:
         raise InputError(f"{folder}: holds {others[0]} and no sweep; name a folder that is empty or new")
@@ -215,7 +215,7 @@ def checked_partitions(folder: Path, plan: Plan) -> set[int]:
             if _LEFTOVER.fullmatch(name) and (folder / name).is_file() and not (folder / name).is_symlink():
                 (folder / name).unlink()
     whole = set()
-    for partition in partitions(folder):
+    for partition in partitions_in(folder):
         runs = len(plan.runs_of(partition)) if partition < plan.partitions else None
         try:
             check_partition(folder, partition, plan.fingerprint, runs)

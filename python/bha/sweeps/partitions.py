@@ -38,7 +38,7 @@ def partition_path(folder: Path, partition: int) -> Path:
     return folder / f"part-{partition:06d}.parquet"
 
 
-def partitions(folder: Path) -> list[int]:
+def partitions_in(folder: Path) -> list[int]:
     """The partitions that are there, in order.
 
     Raises:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bha.errors import InputError
 from bha.sweeps.folder import manifest
 from bha.sweeps.group import STATUSES
-from bha.sweeps.partitions import numbers, partition_path, partitions, read_partition
+from bha.sweeps.partitions import numbers, partition_path, partitions_in, read_partition
 
 
 @dataclass
@@ -117,7 +117,7 @@ def summarize(out: str | os.PathLike[str]) -> Summary:
     names = found.spec.metrics
     metrics = {name: (found.columns[name].unit, Moments()) for name in names}
     statuses = dict.fromkeys(STATUSES, 0)
-    finished = partitions(folder)
+    finished = partitions_in(folder)
     for partition in finished:
         table = read_partition(folder, partition, found.fingerprint, ["status", *names])
         for entry in table.column("status").value_counts().to_pylist():
