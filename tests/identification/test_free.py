@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import bha
+from bha.estimation.free import apply, resolve
 from bha.identification import FreeParameter, camera_free, default_free
-from bha.identification.free import apply, resolve
 from bha.parameters import paths
 
 PARAMETERS = bha.robots.parameters("bha_nominal")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import bha
+from bha.estimation.engine import Model
+from bha.estimation.grid import averaged, grid_of
+from bha.estimation.records import Window
 from bha.identification import record
-from bha.identification.engine import Model
-from bha.identification.grid import averaged, grid_of
-from bha.identification.records import Window
 
 from .identify_logs import measured, multisine, one_section
 

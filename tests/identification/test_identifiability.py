@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import bha
+from bha.estimation.free import resolve
 from bha.identification import Settings, identify, unknown_combinations
-from bha.identification.free import resolve
 from bha.identification.words import spoken
 from bha.parameters import paths
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import bha
+from bha.estimation.records import some_of, windows
 from bha.identification import record
-from bha.identification.records import some_of, windows
 from bha.logs import Log
 
 from .identify_logs import measured, multisine, one_section

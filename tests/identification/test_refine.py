@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bha
+from bha.estimation.solver import Problem
 from bha.identification import FreeParameter, Settings, default_free, identification, record, refine
-from bha.identification.solver import Problem
 from bha.parameters import paths
 
 from .identify_logs import measured, multisine, off, one_section

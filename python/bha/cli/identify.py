@@ -12,9 +12,9 @@ from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import missing_option, pressures_option, read_logs
 from bha.errors import InputError
+from bha.estimation.free import FreeParameter
+from bha.estimation.refinement import Settings
 from bha.identification.excitation import KINDS, Excitation, excite
-from bha.identification.free import FreeParameter
-from bha.identification.refinement import Settings
 from bha.identification.result import HeldOut, Identification
 from bha.identification.workflow import identify
 from bha.recordings import PressureSort

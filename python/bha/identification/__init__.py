@@ -6,18 +6,18 @@ arm tells. The paper's procedures of section IV, each on its own, are ``inertia`
 ``bending_stiffness`` and ``swing_damping``; ``excite`` proposes what to measure.
 """
 
+from bha.estimation.free import FreeParameter, camera_free, default_free
+from bha.estimation.records import Record, record
+from bha.estimation.refinement import Refinement, Settings, refine
+from bha.estimation.static_fit import StaticFit, fit_poses
+from bha.estimation.stretches import SteadyState, Stretch, steady_states, swings
 from bha.identification.excitation import Excitation, excite
-from bha.identification.free import FreeParameter, camera_free, default_free
 from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.moments import Inertia, inertia
-from bha.identification.records import Record, record
-from bha.identification.refinement import Refinement, Settings, refine
 from bha.identification.residuals import ChannelResidual
 from bha.identification.result import Estimate, HeldOut, Identification, identification
-from bha.identification.static_fit import StaticFit, fit_poses
 from bha.identification.statics import StiffnessFit, bending_stiffness, longitudinal_stiffness
-from bha.identification.stretches import SteadyState, Stretch, steady_states, swings
 from bha.identification.swing import Oscillation, SwingFit, swing_damping
 from bha.identification.workflow import identify
 

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError, InputError
-from bha.identification.engine import Model
-from bha.identification.free import FreeParameter, default_free, resolve
+from bha.estimation.engine import Model
+from bha.estimation.free import FreeParameter, default_free, resolve
+from bha.estimation.integration import choose_integration
+from bha.estimation.records import Record, windows
+from bha.estimation.solver import Point, Problem, Residuals
 from bha.identification.identifiability import Combination, unknown_combinations
-from bha.identification.integration import choose_integration
-from bha.identification.records import Record, windows
-from bha.identification.solver import Point, Problem, Residuals
 from bha.logs import Log
 from bha.recordings import Observation
 from bha.recordings.outputs import coordinate_outputs

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from bha import names
 from bha.arm import Arm
 from bha.errors import ConvergenceError
-from bha.identification.engine import STEPS, Model
-from bha.identification.initial import guess_state
-from bha.identification.integration import choose_integration
-from bha.identification.records import Record, Window
-from bha.identification.refinement import scales
-from bha.identification.solver import Point, Problem, Residuals, solve
+from bha.estimation.engine import STEPS, Model
+from bha.estimation.initial import guess_state
+from bha.estimation.integration import choose_integration
+from bha.estimation.records import Record, Window
+from bha.estimation.refinement import scales
+from bha.estimation.solver import Point, Problem, Residuals, solve
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Which parameters, and combinations of them, the data cannot tell: from the Fisher information's small eigenvalues.
 
-The information is that on the coordinates z of ``bha.identification.free``, so that an eigenvector with two entries of
+The information is that on the coordinates z of ``bha.estimation.free``, so that an eigenvector with two entries of
 equal sign on a logarithmic scale says that raising both numbers by the same factor changes nothing that was measured:
 only their ratio is known. Opposite signs: only their product.
 """
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.identification.free import Coordinate
+from bha.estimation.free import Coordinate
 from bha.identification.words import joined, spoken
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.identification.free import Coordinate
+from bha.estimation.free import Coordinate
+from bha.estimation.records import Record
+from bha.estimation.refinement import Refinement
 from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
-from bha.identification.records import Record
-from bha.identification.refinement import Refinement
 from bha.identification.residuals import ChannelResidual, channel_residuals
 from bha.identification.words import spoken
 from bha.parameters import ArmParameters, paths

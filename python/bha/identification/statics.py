@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import InputError
-from bha.identification.initial import pose
-from bha.identification.records import Record
-from bha.identification.stretches import SteadyState, Stretch, steady_states
+from bha.estimation.initial import pose
+from bha.estimation.records import Record
+from bha.estimation.stretches import SteadyState, Stretch, steady_states
 from bha.parameters import paths
 
 Array = NDArray[np.float64]

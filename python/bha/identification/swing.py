@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import InputError
-from bha.identification.records import Record
-from bha.identification.refinement import Refinement, Settings, refine
-from bha.identification.stretches import Stretch, swings
+from bha.estimation.records import Record
+from bha.estimation.refinement import Refinement, Settings, refine
+from bha.estimation.stretches import Stretch, swings
 from bha.support.extras import import_extra
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ def swing_damping(
         records: the logs.
         alike: whether one factor on all dampings is estimated, instead of one damping a section.
         settings: how the simulated swings are fitted.
-        progress: as in :func:`bha.identification.refinement`.
+        progress: as in :func:`bha.estimation.refinement`.
 
     Raises:
         InputError: no swing was found.

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 from bha.arm import Arm
 from bha.checkup import checked
 from bha.errors import InputError
-from bha.identification.free import FreeParameter, camera_free, default_free
-from bha.identification.records import Record, record
-from bha.identification.refinement import Settings, refine
+from bha.estimation.free import FreeParameter, camera_free, default_free
+from bha.estimation.records import Record, record
+from bha.estimation.refinement import Settings, refine
 from bha.identification.result import Identification, identification
 from bha.logs import Log
 from bha.parameters import paths

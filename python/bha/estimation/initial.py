@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import BhaError
-from bha.identification.records import Record
+from bha.estimation.records import Record
 from bha.recordings import Observation
 
 Array = NDArray[np.float64]

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.identification import pressure_noise
-from bha.identification.pressure_noise import Corrected
-from bha.identification.solver import Normal, Point, Problem
+from bha.estimation import pressure_noise
+from bha.estimation.pressure_noise import Corrected
+from bha.estimation.solver import Normal, Point, Problem
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Recordings as identification sees them: channels with noise, usable rows, windows.
+"""Recordings as estimation sees them: channels with noise, usable rows, windows.
 
 A record holds what the model predicts (lengths, head positions, orientations) beside what drives it; it is made of a
 :class:`bha.Recording`, which says what each sample is worth. Rows that do not count are left out of residuals; the

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import ConvergenceError
-from bha.identification.engine import Model
-from bha.identification.solver import Normal, Point, Problem
+from bha.estimation.engine import Model
+from bha.estimation.solver import Normal, Point, Problem
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Predictions of many parameter sets over many windows, and their derivatives, in one batch of simulations.
 
-Every window is simulated on a grid of the integrator's own steps (``bha.identification.grid``), so that windows of
+Every window is simulated on a grid of the integrator's own steps (``bha.estimation.grid``), so that windows of
 equal length share the lanes of the batch. Derivatives are forward differences over the batch: the step is fixed, so
 that a prediction is a smooth function of parameters and initial state and the differences are good to about 1e-6 of the
 derivative.
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError, ParameterError
-from bha.identification.free import Coordinate, apply
-from bha.identification.grid import Grid, averaged, grid_of
-from bha.identification.records import Record, Window
+from bha.estimation.free import Coordinate, apply
+from bha.estimation.grid import Grid, averaged, grid_of
+from bha.estimation.records import Record, Window
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
 from bha.recordings.outputs import longest_sensor_delay

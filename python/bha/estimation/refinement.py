@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError
-from bha.identification.engine import Model
-from bha.identification.free import Coordinate, FreeParameter, resolve
-from bha.identification.initial import guess_state
-from bha.identification.integration import choose_integration, too_coarse
-from bha.identification.pressure_noise import Corrected, corrected, is_noisy, uncorrected
-from bha.identification.records import Record, Window, some_of, windows
-from bha.identification.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
-from bha.identification.uncertainty import Uncertainty, uncertainty
+from bha.estimation.engine import Model
+from bha.estimation.free import Coordinate, FreeParameter, resolve
+from bha.estimation.initial import guess_state
+from bha.estimation.integration import choose_integration, too_coarse
+from bha.estimation.pressure_noise import Corrected, corrected, is_noisy, uncorrected
+from bha.estimation.records import Record, Window, some_of, windows
+from bha.estimation.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
+from bha.estimation.uncertainty import Uncertainty, uncertainty
 from bha.runs.options import Method
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ def refine(
 
     Args:
         arm: where to start from.
-        records: what to fit, see :func:`bha.identification.record`.
+        records: what to fit, see :func:`bha.estimation.records.record`.
         free: what to estimate: paths, or free parameters with bounds and priors.
         settings: how.
         progress: called with what is being done and the fraction done of all (a guess).

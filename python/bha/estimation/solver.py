@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import ConvergenceError
-from bha.identification.engine import Model
-from bha.identification.records import Window
+from bha.estimation.engine import Model
+from bha.estimation.records import Window
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import ConvergenceError
-from bha.identification.engine import STEPS, Model
-from bha.identification.records import Window
-from bha.identification.solver import Point, Problem
+from bha.estimation.engine import STEPS, Model
+from bha.estimation.records import Window
+from bha.estimation.solver import Point, Problem
 from bha.runs.options import Method
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.identification.records import Record
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError, InputError, ParameterError
-from bha.identification.free import Coordinate, FreeParameter, apply, resolve
-from bha.identification.records import Record
+from bha.estimation.free import Coordinate, FreeParameter, apply, resolve
+from bha.estimation.records import Record
 from bha.parameters import ArmParameters
 from bha.recordings import Observation
 from bha.support.extras import import_extra
