@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import bha
 from bha import reference
 from bha.arm.geometry import bellows_length_rows, rotations_of
-from bha.diagnosis import catalogue
+from bha.diagnosis import catalogue, places
 from bha.errors import InputError, LogError, ParameterError
 from bha.logs import Log
 from bha.runs.simulation import concatenate
@@ -218,7 +218,7 @@ def test_sensors_of_single_bellows_are_those_of_coordinates(kind: str) -> None:
     as_coordinates.with_effects([{**table, "where": "bellows 12"}])
     core = json.loads(arm.parameters.to_core_json())
     plan = next(plan for plan in catalogue.available() if plan.kind == "length_offset")
-    assert catalogue.places(plan, core) == ["bellows 21", "bellows 22", "bellows 23"]
+    assert places.places(plan, core) == ["bellows 21", "bellows 22", "bellows 23"]
 
 
 def test_a_common_offset_of_sensors_is_one_of_every_bellows() -> None:

@@ -1,4 +1,4 @@
-from bha.diagnosis import catalogue
+from bha.diagnosis import catalogue, places
 from bha.parameters.effect import EFFECT_KINDS
 
 
@@ -17,16 +17,16 @@ def test_places_are_those_of_the_arm() -> None:
     sections = [{"bellows": [{"input": 3 * i + k} for k in range(3)]} for i in range(2)]
     core = {"section": sections, "inputs": ["p11", "p12", "p13", "p21", "p22", "p23"]}
     by_kind = {plan.kind: plan for plan in catalogue.PLANS}
-    assert catalogue.places(by_kind["pressure_offset"], core) == [f"input {name}" for name in core["inputs"]]
-    assert catalogue.places(by_kind["section_coupling"], core) == ["all"]
-    assert catalogue.members("section 2", "input", core) == ["input p21", "input p22", "input p23"]
-    assert catalogue.members("all", "bellows", core) == [f"bellows {i}{k}" for i in (1, 2) for k in (1, 2, 3)]
+    assert places.places(by_kind["pressure_offset"], core) == [f"input {name}" for name in core["inputs"]]
+    assert places.places(by_kind["section_coupling"], core) == ["all"]
+    assert places.members("section 2", "input", core) == ["input p21", "input p22", "input p23"]
+    assert places.members("all", "bellows", core) == [f"bellows {i}{k}" for i in (1, 2) for k in (1, 2, 3)]
 
 
 def test_a_place_within_another_is_nested_and_a_neighbour_is_not() -> None:
     sections = [{"bellows": [{"input": 3 * i + k} for k in range(3)]} for i in range(2)]
     core = {"section": sections, "inputs": ["p11", "p12", "p13", "p21", "p22", "p23"]}
-    assert catalogue.nested("all", "bellows 21", core)
-    assert catalogue.nested("input p12", "section 1", core)
-    assert not catalogue.nested("section 2", "bellows 12", core)
-    assert not catalogue.nested("input p21", "input p22", core)
+    assert places.nested("all", "bellows 21", core)
+    assert places.nested("input p12", "section 1", core)
+    assert not places.nested("section 2", "bellows 12", core)
+    assert not places.nested("input p21", "input p22", core)

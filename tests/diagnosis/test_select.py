@@ -8,7 +8,8 @@ import pytest
 
 import bha
 from bha.diagnosis import select
-from bha.diagnosis.catalogue import Candidate, available
+from bha.diagnosis.candidate import Candidate
+from bha.diagnosis.catalogue import available
 from bha.diagnosis.refit import Trial
 from bha.diagnosis.screen import Scored
 

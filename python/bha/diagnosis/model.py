@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm.geometry import CameraFrame, camera_frame
+from bha.parameters import Place
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -310,7 +311,7 @@ def plain_model(arm: Arm) -> Model:
 
 def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     bellows = section["bellows"][0]
-    place = f"section {i + 1}"
+    place = Place.of_section(i + 1)
     rest, stiffness = float(bellows["rest_length"]), [float(k) for k in bellows["stiffness"]]
     low, high = section["length_range"]
 
@@ -363,10 +364,12 @@ def _rest_lengths(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     """One for all bellows of the section, or one each where the file states one for each."""
     stated = arm.parameters.sections[i].bellows
     lengths = [float(b["rest_length"]) for b in section["bellows"]]
-    chosen: list[tuple[str, tuple[str | int, ...], float]] = [(f"section {i + 1}", ("rest_length", i), lengths[0])]
+    chosen: list[tuple[Place, tuple[str | int, ...], float]] = [
+        (Place.of_section(i + 1), ("rest_length", i), lengths[0])
+    ]
     if stated is not None and all(bellows.rest_length is not None for bellows in stated):
-        chosen = [(f"bellows {i + 1}{k + 1}", ("rest_length", i, k), rest) for k, rest in enumerate(lengths)]
+        chosen = [(Place.of_bellows(i + 1, k + 1), ("rest_length", i, k), rest) for k, rest in enumerate(lengths)]
     return [
-        Coordinate(f"{name} rest_length", "m", rest, REST_SPREAD * rest, False, path, low=0.01 * rest)
-        for name, path, rest in chosen
+        Coordinate(f"{place} rest_length", "m", rest, REST_SPREAD * rest, False, path, low=0.01 * rest)
+        for place, path, rest in chosen
     ]

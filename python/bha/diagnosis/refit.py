@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.catalogue import Candidate, Ranges
+from bha.diagnosis.candidate import Candidate, Ranges
 from bha.diagnosis.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.steps import resolved

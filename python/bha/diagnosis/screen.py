@@ -21,11 +21,14 @@ from numpy.typing import NDArray
 
 from bha import _core, names
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.catalogue import Candidate, KindPlan, members, places
+from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.engine import Job
 from bha.diagnosis.fit import Fit, Problem, project_states
 from bha.diagnosis.model import Core, with_effect_tables
+from bha.diagnosis.places import members, place_of, places
+from bha.diagnosis.plan import KindPlan
 from bha.diagnosis.shortcuts import ON_LENGTHS, ON_PRESSURES, PressureProbe, acting_pressures, length_change
+from bha.parameters import Place
 
 Array = NDArray[np.float64]
 
@@ -133,7 +136,10 @@ def probe(
                 at = run.index(k) * count
                 change = [(a - b) / size for a, b in zip(outputs[at : at + count], base, strict=True)]
             else:
-                channel = "q" + str(effect["where"]).removeprefix("bellows ")
+                sensor = place_of(str(effect["where"]))
+                assert sensor.section is not None
+                assert sensor.bellows is not None
+                channel = names.length_name(sensor.section, sensor.bellows)
                 change = [
                     length_change(str(effect["kind"]), channel, r, y)
                     for r, y in zip(problem.records, base, strict=True)
@@ -147,7 +153,7 @@ def probe(
 def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, Any]]) -> list[Job]:
     """Runs of the probes on every log, probe by probe; pressures that act are computed beforehand."""
     plain, camera = json.dumps(core), fit.model.camera(fit.x)
-    place = {f"input {name}": j for j, name in enumerate(core["inputs"])}
+    place = {str(Place.of_input(name)): j for j, name in enumerate(core["inputs"])}
     pressures = [
         PressureProbe(e["kind"], tuple(place[m] for m in members(e["where"], "input", core)), e["parameters"])
         for e in effects

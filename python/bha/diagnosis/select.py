@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.catalogue import Candidate, Ranges, members
+from bha.diagnosis.candidate import Candidate, Ranges
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve, with_sensitivities
 from bha.diagnosis.holdout import Holdout, better, excesses
+from bha.diagnosis.places import members
 from bha.diagnosis.refit import Trial, bic, correlation_length, refit, store, stored, without
 from bha.diagnosis.screen import Scored, Screening, Signatures, score
 from bha.diagnosis.steps import resolved

@@ -21,6 +21,7 @@ from scipy.fft import dct
 from bha.diagnosis.fit import Problem
 from bha.diagnosis.noise import NoiseModel, frequencies
 from bha.diagnosis.result import plain
+from bha.parameters import Place
 from bha.recordings import Observation
 
 Array = NDArray[np.float64]
@@ -109,7 +110,9 @@ def _sections(observation: Observation, error: Array, floor: Array) -> list[dict
     for number in sorted(set(sections)):
         index = [k for k, own in enumerate(sections) if own == number]
         rms, noise = float(np.sqrt(np.mean(error[index] ** 2))), float(np.sqrt(np.mean(floor[index] ** 2)))
-        result.append({"name": f"section {number}", "rms": rms, "noise": noise, "ratio": rms / max(noise, 1e-12)})
+        result.append(
+            {"name": str(Place.of_section(number)), "rms": rms, "noise": noise, "ratio": rms / max(noise, 1e-12)}
+        )
     return result
 
 

@@ -16,6 +16,7 @@ from bha.diagnosis import catalogue, excitation
 from bha.diagnosis.baseline import Baseline, Prepared, cut_to, fit_baseline, prepare_runs, thin
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.camera import moved, with_camera
+from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import GapTest, Limits, Verdict, decide, gap_test, without_faults
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.fit import Fit, Problem, with_sensitivities
@@ -23,6 +24,7 @@ from bha.diagnosis.holdout import Holdout
 from bha.diagnosis.intervals import confidences, coordinate_draws, intervals
 from bha.diagnosis.model import EffectTerm, Model, plain_model
 from bha.diagnosis.noise import Whitener
+from bha.diagnosis.places import nested
 from bha.diagnosis.records import Record, from_rest, prepare, split, with_least_noise
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.repeats import repeats, with_repeat_noise
@@ -133,7 +135,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
-    ranges = catalogue.core_ranges()
+    ranges = core_ranges()
     plans = [p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     try:
@@ -336,7 +338,7 @@ def _candidates(
                 bic=criteria.get(key),
                 distance=criteria[key] - least if key in criteria else None,
                 detectable=float(detectable) if strengths and np.isfinite(detectable) else None,
-                unit=catalogue.core_ranges()(key[0], strengths[0].name)[0] if strengths else "",
+                unit=core_ranges()(key[0], strengths[0].name)[0] if strengths else "",
             )
         )
     return sorted(lines, key=lambda c: (c.bic if c.bic is not None else 0.0, -c.score))
@@ -402,7 +404,7 @@ def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect
     result: list[Effect] = []
     for effect in effects:
         for k, main in enumerate(result):
-            if main.kind == effect.kind and catalogue.nested(main.where, effect.where, core):
+            if main.kind == effect.kind and nested(main.where, effect.where, core):
                 more = [Correction(where=effect.where, parameters=p) for p in effect.elements or [effect.parameters]]
                 result[k] = main.model_copy(update={"corrections": [*main.corrections, *more]})
                 break
@@ -431,7 +433,7 @@ def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[s
 
     Of several elements the numbers ``adding`` are sums, the others those of the first.
     """
-    ranges = catalogue.core_ranges()
+    ranges = core_ranges()
     values = [e.term.parameters([float(v) for v in e.x]) for e in elements]
     repeats = [[e.term.parameters([float(v) for v in e.x + d]) for d in e.draws] for e in elements]
     term = elements[0].term

@@ -302,12 +302,12 @@ class ArmParameters(Table):
         for sensor in self.length_sensors:
             yield from _stated(sensor, None, None, {"name", "provenance"}, sensor=f"length sensor {sensor.name}")
         for number, effect in enumerate(self.effects, start=1):
-            section_number, bellows_number = effect.section_and_bellows
+            where = effect.place
             units = {p.name: p.unit for p in effect.info.parameters}
             for name, value in effect.parameters.items():
                 provenance = effect.provenance.get(name, ASSUMED)
                 unit = units.get(name, "")
-                yield StatedValue(section_number, bellows_number, name, value, unit, provenance, effect=number)
+                yield StatedValue(where.section, where.bellows, name, value, unit, provenance, effect=number)
 
 
 def section_mapping(section: SectionParameters) -> dict[str, Any]:

@@ -15,30 +15,18 @@ kind added there is known here. A table says the kind, where it acts, and its nu
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from pydantic import ConfigDict, model_validator
 
 from bha import _core
 from bha.parameters.base import GREATEST, Table, key, nearest, table_error
 from bha.parameters.messages import shown
+from bha.parameters.place import WRITTEN, Place, Sort
 from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key, provenance_mapping
-
-_PLACES = {
-    "all": '"all"',
-    "section": '"section N", as in "section 2"',
-    "bellows": '"bellows IK" (section I, bellows K), as in "bellows 32" ("bellows 10_2" where one has two digits)',
-    "input": '"input NAME", as in "input p13"',
-    "sensors": '"sensors"',
-}
-_PLACE = re.compile(
-    r"(?P<all>all)|(?P<sensors>sensors)|section (?P<section>[1-9][0-9]{0,3})|input (?P<input>p[0-9]+(?:_[0-9]+)?)"
-    r"|bellows (?:(?P<i>[1-9])(?P<k>[1-9])|(?P<ii>[1-9][0-9]{0,3})_(?P<kk>[1-9][0-9]{0,3}))"
-)
 
 
 @dataclass(frozen=True)
@@ -78,7 +66,7 @@ class EffectKind:
 
     kind: str
     summary: str
-    places: tuple[str, ...]
+    places: tuple[Sort, ...]
     parameters: tuple[EffectParameter, ...]
     several: bool
     needs_poses: bool
@@ -92,7 +80,7 @@ def _kinds() -> dict[str, EffectKind]:
         kinds[info["kind"]] = EffectKind(
             info["kind"],
             info["summary"],
-            tuple(info["places"]),
+            cast("tuple[Sort, ...]", tuple(info["places"])),
             numbers,
             info["several"],
             info["needs_poses"],
@@ -111,7 +99,7 @@ class EffectParameters(Table):
     model_config = ConfigDict(frozen=True, extra="allow")
 
     kind: str = key("a kind of effect", strict=True)
-    where: str = key("a place: " + ", ".join(_PLACES.values()), strict=True)
+    where: str = key("a place: " + ", ".join(WRITTEN.values()), strict=True)
     force: str | None = key('the formula of kind "formula"', default=None, strict=True)
     provenance: ProvenanceTable = provenance_key()
 
@@ -131,9 +119,9 @@ class EffectParameters(Table):
         return self
 
     def _check_place(self) -> None:
-        found = _PLACE.fullmatch(self.where)
-        if found is None or self._place_kind() not in self.info.places:
-            allowed = " or ".join(_PLACES[place] for place in self.info.places)
+        found = Place.read(self.where)
+        if found is None or found.sort not in self.info.places:
+            allowed = " or ".join(WRITTEN[sort] for sort in self.info.places)
             raise table_error(f"found {shown(self.where)}; allowed for {self.kind}: {allowed}", "where")
 
     def _check_numbers(self) -> None:
@@ -149,9 +137,6 @@ class EffectParameters(Table):
         for name, parameter in known.items():
             if parameter.default is None and name not in self.stated_numbers:
                 raise table_error(f"missing; allowed: {_allowed(parameter)}", name)
-
-    def _place_kind(self) -> str:
-        return self.where.partition(" ")[0]
 
     @property
     def info(self) -> EffectKind:
@@ -177,13 +162,11 @@ class EffectParameters(Table):
         return numbers
 
     @property
-    def section_and_bellows(self) -> tuple[int | None, int | None]:
-        """Numbers of the section and of the bellows that it is confined to, from 1; None where it is not."""
-        found = _PLACE.fullmatch(self.where)
-        assert found is not None
-        section = found["section"] or found["i"] or found["ii"]
-        bellows = found["k"] or found["kk"]
-        return (int(section) if section else None, int(bellows) if bellows else None)
+    def place(self) -> Place:
+        """:attr:`where` as a place."""
+        found = Place.read(self.where)
+        assert found is not None  # else the effect is refused
+        return found
 
     def to_mapping(self) -> dict[str, Any]:
         """The table as it stands in a file."""
@@ -223,18 +206,19 @@ def check_effects(
     Raises:
         PydanticCustomError: with what is wrong; pydantic adds where.
     """
-    first: dict[tuple[str, str], int] = {}
+    first: dict[tuple[str, Place], int] = {}
     equal: dict[tuple[Any, ...], int] = {}
     for number, effect in enumerate(effects):
-        section, place = effect.section_and_bellows
+        place = effect.place
+        section, number_of_bellows = place.section, place.bellows
         if section is not None and section > len(bellows):
             message = f'found "{effect.where}"; allowed: sections 1 to {len(bellows)}'
             raise table_error(message, f"effect.{number}.where")
         # A section has three length sensors, whatever the number of its bellows.
-        if section is not None and place is not None and place > max(bellows[section - 1], 3):
+        if section is not None and number_of_bellows is not None and number_of_bellows > max(bellows[section - 1], 3):
             message = f'found "{effect.where}"; allowed: bellows 1 to {bellows[section - 1]} of section {section}'
             raise table_error(message, f"effect.{number}.where")
-        sensor = place is not None and effect.kind in _OF_LENGTH_SENSORS
+        sensor = number_of_bellows is not None and effect.kind in _OF_LENGTH_SENSORS
         if section is not None and sensor and not measured[section - 1]:
             raise table_error(
                 f'found "{effect.where}"; the bellows of section {section} are not at 0, 120 and 240 degrees and '
@@ -242,13 +226,12 @@ def check_effects(
                 f'"section {section}", or lengths = "coordinates" under [sensors] if that is what the log has',
                 f"effect.{number}.where",
             )
-        name = effect.where.removeprefix("input ")
-        if effect.where.startswith("input ") and name not in inputs:
-            message = f'found "{effect.where}"{nearest(name, inputs)}'
+        if place.input is not None and place.input not in inputs:
+            message = f'found "{effect.where}"{nearest(place.input, inputs)}'
             raise table_error(message, f"effect.{number}.where")
-        earlier = first.setdefault((effect.kind, effect.where), number)
+        earlier = first.setdefault((effect.kind, place), number)
         if effect.info.several:
-            what = (effect.kind, effect.where, effect.force, *sorted(effect.parameters.items()))
+            what = (effect.kind, place, effect.force, *sorted(effect.parameters.items()))
             earlier = equal.setdefault(what, number)
         if earlier < number:
             message = f'"{effect.kind}" at "{effect.where}" is already effect {earlier + 1}; allowed: ' + (

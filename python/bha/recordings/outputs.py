@@ -206,12 +206,9 @@ def coordinate_outputs(arm: Arm) -> list[Output]:
 
 def longest_sensor_delay(parameters: ArmParameters) -> float:
     """The longest delay of any sensor, s: what is measured at a time was so much earlier."""
-    total: dict[str, float] = {}
-    for effect in parameters.effects:
-        if effect.kind == "delay" and not effect.where.startswith(("all", "input")):
-            total[effect.where] = total.get(effect.where, 0.0) + float(effect.parameters.get("time", 0.0))
+    delays = (e for e in parameters.effects if e.kind == "delay" and e.place.sort not in ("all", "input"))
     # Places may overlap: their delays add up.
-    return sum(total.values())
+    return sum(float(effect.parameters.get("time", 0.0)) for effect in delays)
 
 
 def _sensor_errors(parameters: ArmParameters, sensors: Sequence[tuple[int, int | None]]) -> tuple[Array, Array]:
@@ -220,7 +217,7 @@ def _sensor_errors(parameters: ArmParameters, sensors: Sequence[tuple[int, int |
     for effect in parameters.effects:
         if effect.kind not in ("length_gain", "length_offset"):
             continue
-        section, number = effect.section_and_bellows
+        section, number = effect.place.section, effect.place.bellows
         for k, own in enumerate(sensors):
             if own[1] is None or section not in (None, own[0]) or number not in (None, own[1]):
                 continue

@@ -1,0 +1,67 @@
+"""Where on an arm an effect may sit, and which smaller places make up a larger one.
+
+Arms are in the core's description here, places as parameter files write them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bha.diagnosis.plan import KindPlan
+from bha.parameters import Place
+from bha.parameters.section import are_standard_bellows
+
+
+def places(plan: KindPlan, core: Mapping[str, Any]) -> list[str]:
+    """Where the kind may sit on an arm, largest places first."""
+    sections = core["section"]
+    result: list[Place] = []
+    for sort in plan.sorts:
+        if sort == "all":
+            result.append(Place())
+        elif sort == "sensors":
+            result.append(Place("sensors"))
+        elif sort == "tip":
+            result.append(Place.of_section(len(sections)))
+        elif sort == "section":
+            count = len(sections) - (1 if plan.kind == "section_coupling" else 0)
+            if count > 1 or "all" not in plan.sorts:
+                result += [Place.of_section(i) for i in range(1, count + 1)]
+        elif sort == "bellows":
+            result += Place().parts("bellows", _inputs(core))
+        elif sort == "length":
+            # Sensors of single lengths are modelled where these are the coordinates.
+            own = [i for i, s in enumerate(sections, start=1) if _are_coordinates(s)]
+            result += [Place.of_bellows(i, k) for i in own for k in (1, 2, 3)]
+        elif sort == "input":
+            result += [Place.of_input(name) for name in core["inputs"]]
+    return [str(place) for place in result]
+
+
+def place_of(where: str) -> Place:
+    """The place of an effect of a model."""
+    place = Place.read(where)
+    assert place is not None, where  # else it would be no effect of a parameter file
+    return place
+
+
+def members(where: str, sort: str, core: Mapping[str, Any]) -> list[str]:
+    """The places of sort ``sort`` that make up the place ``where``."""
+    return [str(part) for part in place_of(where).parts(sort, _inputs(core))]
+
+
+def nested(first: str, second: str, core: Mapping[str, Any]) -> bool:
+    """Whether one of two places of the same sort of effect lies within the other."""
+    sort = "input" if "input" in (place_of(first).sort, place_of(second).sort) else "bellows"
+    a, b = (set(members(where, sort, core)) for where in (first, second))
+    return a <= b or b <= a
+
+
+def _inputs(core: Mapping[str, Any]) -> list[list[str]]:
+    """For each section the input of each of its bellows."""
+    return [[core["inputs"][int(b["input"])] for b in section["bellows"]] for section in core["section"]]
+
+
+def _are_coordinates(section: Mapping[str, Any]) -> bool:
+    return are_standard_bellows([(b["angle"], b["radius"]) for b in section["bellows"]], section["bellows_radius"])

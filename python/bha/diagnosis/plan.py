@@ -1,0 +1,119 @@
+"""How one kind of effect is searched for: which numbers, from where, and how its signature is probed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+Numbers = Mapping[str, float]
+
+#: Strength of a probe as a share of the typical one.
+PROBE_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Strength:
+    """A number in which the outputs are (for small values) linear.
+
+    Attributes:
+        name: the number of the effect.
+        typical: a typical size in a real arm; the probe has a fraction of it.
+        signed: whether either sign is physical.
+    """
+
+    name: str
+    typical: float
+    signed: bool = False
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A number that means nothing without the effect: a time constant, a yield, a place.
+
+    Attributes:
+        name: the number of the effect.
+        grid: where it is tried.
+        logarithmic: whether it is positive and its logarithm is fitted.
+        spread: how far a fit may plausibly move it from the grid, relative for logarithmic ones.
+        low: least value of this kind: beyond it another kind of the same form begins.
+        high: greatest value.
+    """
+
+    name: str
+    grid: tuple[float, ...]
+    logarithmic: bool = True
+    spread: float = 1.0
+    low: float = -math.inf
+    high: float = math.inf
+
+
+@dataclass(frozen=True)
+class KindPlan:
+    """How one kind is searched for.
+
+    Attributes:
+        kind: its name in the registry.
+        sorts: sorts of places that are tried: ``all``, ``section``, ``bellows``, ``input``, ``sensors``.
+        strengths: linear numbers.
+        shapes: nonlinear numbers.
+        fixed: numbers that are given and not searched.
+        parts: the sort of place whose signatures add up to those of the larger places; empty if each is probed.
+        passive: numbers that must not be negative for the effect to create no energy.
+        extra: nonlinear numbers that are fitted but not tried on a grid, with their start.
+        needs_heads: whether it shows in measured head positions only.
+        needs_lengths: whether it shows in measured lengths only.
+        grid: numbers that only serve to try probes, and are not fitted themselves.
+        probes: from the shapes the numbers of the effects that are probed, and the strength each stands for; one probe
+            a strength without it.
+        begin: start of the numbers that are fitted, from the strengths of the probes and the shapes; zero strength
+            without it.
+        numbers: see :class:`bha.diagnosis.model.EffectTerm`.
+        further: of a kind of which several may act in one place (branches, stages): from the numbers of the one that is
+            there the shapes from which another is sought.
+        adding: numbers whose sum over such elements is what they amount to together.
+    """
+
+    kind: str
+    sorts: tuple[str, ...]
+    strengths: tuple[Strength, ...]
+    shapes: tuple[Shape, ...] = ()
+    fixed: Numbers = field(default_factory=dict)
+    parts: str = ""
+    passive: tuple[str, ...] = ()
+    extra: tuple[Shape, ...] = ()
+    needs_heads: bool = False
+    needs_lengths: bool = False
+    grid: tuple[Shape, ...] = ()
+    probes: Callable[[Numbers], list[tuple[dict[str, float], float]]] | None = None
+    begin: Callable[[Sequence[float], Numbers], dict[str, float]] | None = None
+    numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
+    further: Callable[[Numbers], list[dict[str, float]]] | None = None
+    adding: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Numbers that a fit has to find."""
+        return max(1, len(self.strengths) + len(self.shapes) + len(self.extra))
+
+    def probed(self, shape: Numbers) -> list[tuple[dict[str, float], float]]:
+        """Numbers of the effects to probe, with the strength each stands for."""
+        rest = {**self.fixed, **{s.name: s.grid[0] for s in self.extra}, **shape}
+        if self.probes is not None:
+            names = {g.name for g in self.grid}
+            rest = {k: v for k, v in rest.items() if k not in names}
+            return [(self.numbers({**rest, **numbers}), size) for numbers, size in self.probes(shape)]
+        if not self.strengths:
+            return [(self.numbers(rest), 1.0)]
+        zero = {s.name: 0.0 for s in self.strengths}
+        return [
+            (self.numbers({**rest, **zero, s.name: PROBE_SHARE * s.typical}), PROBE_SHARE * s.typical)
+            for s in self.strengths
+        ]
+
+    def shape_grid(self) -> list[dict[str, float]]:
+        """All combinations of the shapes' grids."""
+        combinations: list[dict[str, float]] = [{}]
+        for shape in (*self.shapes, *self.grid):
+            combinations = [{**c, shape.name: value} for c in combinations for value in shape.grid]
+        return combinations
