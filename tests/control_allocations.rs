@@ -2,8 +2,9 @@
 
 use bha_core::arm::Arm;
 use bha_core::body::parameters::ArmParameters;
+use bha_core::control::rest::rest_near;
 use bha_core::control::{Controller, ControllerParameters, Limits, Target};
-use bha_core::run::closed_loop::{Stepper, rest_near};
+use bha_core::run::stepper::Stepper;
 use bha_core::run::stepping::{Plan, Stepping};
 use serde::Deserialize;
 use std::alloc::{GlobalAlloc, Layout, System};

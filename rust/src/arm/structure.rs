@@ -1,4 +1,4 @@
-//! Arms of one structure put together number by number: abreast in lanes, or as a value with its derivatives.
+//! Arms of one structure put together number by number: in lanes, or as a value with its derivatives.
 //!
 //! Two arms have one structure if they differ in numbers alone: the same sections, bellows, inputs, switches and kinds and
 //! places of effects.
@@ -55,8 +55,8 @@ pub fn same_structure(a: &Arm, b: &Arm) -> bool {
         })
 }
 
-/// Arms abreast, `arms[k]` in lane `k` and the last one in those that are left; of one structure.
-pub fn abreast<T: Real>(arms: &[&Arm]) -> Arm<T> {
+/// Arms in lanes, `arms[k]` in lane `k` and the last one in those that are left; of one structure.
+pub fn in_lanes<T: Real>(arms: &[&Arm]) -> Arm<T> {
     let all: Vec<_> = arms.iter().map(|a| numbers(a)).collect();
     rebuilt(arms[0], |i| T::from_lanes(|k| all[k.min(all.len() - 1)][i]))
 }

@@ -23,7 +23,7 @@ const MAX_STEP: f64 = 0.05;
 
 const STATIC: ForceSet = ForceSet { damping: false, ..ForceSet::ALL };
 
-/// Derivatives taken abreast: the Jacobian's columns in blocks of this many.
+/// Derivatives taken at once: the Jacobian's columns in blocks of this many.
 const BLOCK: usize = 4;
 
 /// The equations' residual (generalized force, N) and its Jacobian.

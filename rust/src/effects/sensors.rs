@@ -5,7 +5,7 @@ use super::{Effects, poses};
 use crate::body::Body;
 use crate::kinematics::chain::Link;
 use crate::kinematics::section::Pose;
-use crate::real::Real;
+use crate::real::{Real, replace};
 use std::collections::VecDeque;
 
 /// What delayed sensors need to remember: the states at the ends of steps, as far back as the longest delay.
@@ -73,9 +73,7 @@ impl<T: Real> Sensors<T> {
     /// The lanes that `which` says have rested at `x` since ever.
     pub fn restart(&mut self, which: impl Fn(usize) -> bool + Copy, x: &[T]) {
         for row in &mut self.states {
-            for (old, new) in row.iter_mut().zip(x) {
-                *old = T::from_lanes(|k| if which(k) { new.lane(k) } else { old.lane(k) });
-            }
+            replace(row, x, which);
         }
     }
 

@@ -25,13 +25,13 @@ use crate::real::linear::Vec3;
 use crate::real::{Real, kernel};
 use std::sync::Arc;
 
-/// An arm under an input, or several abreast.
+/// An arm under an input, or several in lanes.
 ///
 /// Pressures go from the input (or from outside, [`Plant::hold`]) through the arm's pneumatics, where it has any, into
 /// the chambers; those are what pressure sensors see. Effects on pressures act between these and the bellows.
 #[derive(Clone, Debug)]
 pub struct Plant<T = f64> {
-    /// The arm, or the arms abreast.
+    /// The arm, or the arms in lanes.
     pub arm: Arc<Arm<T>>,
     drives: Drives<T>,
     ws: Workspace<T>,
@@ -79,12 +79,12 @@ impl<T> Default for Memory<T> {
 impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
-        Self::abreast(arm, vec![(input, 0.0)])
+        Self::in_lanes(arm, vec![(input, 0.0)])
     }
 
-    /// The plant of arms abreast, each under its own input: `inputs[k]` drives lane `k` (the only one all lanes) with its
+    /// The plant of arms in lanes, each under its own input: `inputs[k]` drives lane `k` (the only one all lanes) with its
     /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none.
-    pub fn abreast(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
+    pub fn in_lanes(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let drives = Drives::new(inputs);
         let (mut ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.body.inputs]);
         ws.effects.clock = drives.callers_clock();
@@ -253,7 +253,7 @@ impl<T: Real> Plant<T> {
             chambers.restart(pneumatics, &self.arm.body, which, &x[..x.len() / 2], p);
         }
         for hidden in self.ws.effects.hidden_mut() {
-            *hidden = T::from_lanes(|k| if which(k) { 0.0 } else { hidden.lane(k) });
+            *hidden = hidden.replaced(T::zero(), which);
         }
         if let Some(sensors) = &mut self.sensors {
             sensors.restart(which, x);

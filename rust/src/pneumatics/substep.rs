@@ -3,7 +3,8 @@
 //! Source: Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Over any scalar; the pressure goes along
 //! from sub-step to sub-step ([`chamber::pressure_from`]), from a fresh one at the start of each step.
 
-use super::{Drive, Input, Pneumatics, chamber, controller, valve};
+use super::inputs::{Drive, Input};
+use super::{Pneumatics, chamber, controller, valve};
 use crate::real::Real;
 
 /// Stiff derivatives of the right-hand side; that of the spool by itself is -1 / T_s.

@@ -1,9 +1,12 @@
 //! Stability, accuracy and conservation of the sub-steps, alone and with the arm.
 
+use super::inputs::{Drive, Input};
+use super::lag::lagged;
 use super::testing::{nominal, parameters};
 use super::*;
 use crate::arm::Arm;
 use crate::arm::testing::{arms, states};
+use crate::body::parameters::PneumaticsLevel;
 use crate::integrate::{Method, Options};
 use crate::plant::input::{Input as Samples, Interpolation};
 use crate::real::linear::Vec3;

@@ -37,18 +37,19 @@ impl FlowFunction<f64> {
         let x = (LAMINAR_RATIO - b) * inverse;
         Self { critical_ratio: b, inverse, at_laminar: (1.0 - x * x).sqrt() }
     }
+}
 
+impl<T: Real> FlowFunction<T> {
     /// The same over another scalar, number by number.
-    pub fn map<T: Real>(&self, c: impl Fn(f64) -> T) -> FlowFunction<T> {
+    #[inline(always)]
+    pub fn map<U: Real>(&self, c: impl Fn(T) -> U) -> FlowFunction<U> {
         FlowFunction {
             critical_ratio: c(self.critical_ratio),
             inverse: c(self.inverse),
             at_laminar: c(self.at_laminar),
         }
     }
-}
 
-impl<T: Real> FlowFunction<T> {
     /// psi(r) and d psi/dr.
     #[inline(always)]
     fn at(&self, r: T) -> (T, T) {

@@ -7,7 +7,7 @@ use super::signals::{Shared, Signals};
 use super::stepping::PyStepper;
 use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
-use crate::control::{Controller, ControllerParameters, Limits, Target, linearization};
+use crate::control::{Controller, ControllerParameters, Limits, Target, linearization, rest};
 use crate::error::Error;
 use crate::memory::reserved;
 use crate::real::linear::Vec3;
@@ -225,10 +225,10 @@ pub fn rest_near<'py>(
     let q = vector(q, "q", arm.coordinates())?;
     let limits = limits(arm.body.inputs, low, high, preferred)?;
     let mut signals = Signals::new();
-    let found = py.detach(|| core_loop::rest_near(arm, &q, &limits, &mut || signals.stop()));
+    let found = py.detach(|| rest::rest_near(arm, &q, &limits, &mut || signals.stop()));
     signals.result()?;
-    let (p, rest) = found.map_err(|e| to_python(py, &e))?;
-    Ok((small(py, &p), small(py, &rest)))
+    let (p, q) = found.map_err(|e| to_python(py, &e))?;
+    Ok((small(py, &p), small(py, &q)))
 }
 
 /// Lengths (k, 3n) for tip positions (k, 3) and, if given, directions (k, 3), one after the other from `start` (3n,) on.

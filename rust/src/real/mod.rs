@@ -10,11 +10,13 @@ mod fused;
 pub mod lanes;
 pub mod linear;
 mod several;
+mod side_by_side;
 
 pub use dual::Dual;
 pub use fused::Fused;
 pub use lanes::{InstructionSet, Lanes};
 pub use several::Several;
+pub use side_by_side::{Packing, SideBySide, Single};
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -73,6 +75,14 @@ pub(crate) fn all_finite<T: Real>(x: &[T]) -> bool {
     finite
 }
 
+/// Puts the lanes of `new` that `which` says into `x`.
+#[inline(always)]
+pub(crate) fn replace<T: Real>(x: &mut [T], new: &[T], which: impl Fn(usize) -> bool + Copy) {
+    for (x, new) in x.iter_mut().zip(new) {
+        *x = x.replaced(*new, which);
+    }
+}
+
 /// A real number, several of them abreast, or one with its derivatives.
 pub trait Real:
     Copy
@@ -98,10 +108,20 @@ pub trait Real:
     fn lane(self, k: usize) -> f64;
     /// Lane by lane, from lane 0 on, with no derivative.
     fn from_lanes(lane: impl FnMut(usize) -> f64) -> Self;
+    /// The same with the lanes of `new` that `which` says.
+    #[inline(always)]
+    fn replaced(self, new: Self, which: impl Fn(usize) -> bool) -> Self {
+        Self::from_lanes(|k| if which(k) { new.lane(k) } else { self.lane(k) })
+    }
     /// Runs `kernel` in a function compiled for this scalar's instruction set.
     #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
         run(kernel)
+    }
+    /// Does `work` on `count` equal sets of equations: some at a time where this scalar can be packed, else one by one.
+    #[inline(always)]
+    fn side_by_side<W: SideBySide<Self>>(_count: usize, work: W) {
+        work.run::<Single>();
     }
     /// The constant `x`: the same in every lane, with no derivative.
     fn from_f64(x: f64) -> Self;
@@ -174,6 +194,10 @@ pub trait Real:
 }
 
 impl Real for f64 {
+    #[inline(always)]
+    fn side_by_side<W: SideBySide<Self>>(count: usize, work: W) {
+        side_by_side::plain(count, work);
+    }
     #[inline(always)]
     fn lane(self, _: usize) -> f64 {
         self

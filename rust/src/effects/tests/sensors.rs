@@ -101,7 +101,7 @@ fn a_delay_of_a_section_is_one_of_its_sensors() {
 }
 
 #[test]
-fn members_abreast_measure_as_they_do_alone() {
+fn members_in_lanes_measure_as_they_do_alone() {
     let times: Vec<f64> = (0..25).map(|k| 0.02 * f64::from(k)).collect();
     let delays = |k: usize| {
         let own = [

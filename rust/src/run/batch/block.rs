@@ -1,28 +1,27 @@
-//! Members of a batch abreast: those that take the same steps, in the lanes of one instruction set.
+//! Members of a batch in lanes: those that take the same steps, in the lanes of one instruction set.
 //!
-//! A lane that diverges is parked: its member's rows end, and it is put back to where it started after every step, so that
-//! it costs nothing and can disturb nobody.
+//! A lane that diverges is parked (`run::parking`): its member's rows end.
 
 use super::sequences::Sequences;
 use super::{Batch, Member, Slot};
 use crate::arm::Arm;
-use crate::arm::structure::{abreast, same_structure};
+use crate::arm::structure::{in_lanes, same_structure};
 use crate::effects::poses;
-use crate::error::Error;
-use crate::integrate::{Integrator, NOT_FINITE, System};
+use crate::integrate::{Integrator, System};
 use crate::kinematics::chain::Link;
 use crate::kinematics::section::Pose;
 use crate::plant::Plant;
 use crate::plant::stiffness::explained;
 use crate::real::lanes::AnyLanes;
 use crate::real::linear::{Mat3, Vec3};
-use crate::real::{Kernel, Real, all_finite};
+use crate::real::{Kernel, Real};
+use crate::run::parking::Parking;
 use crate::run::simulation::initial_state;
 use std::marker::PhantomData;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether two members take the same steps and can so be abreast: the same output times after their start, and jumps of
+/// Whether two members take the same steps and can so share lanes: the same output times after their start, and jumps of
 /// the input, where there are any, at the same times.
 pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bool {
     let (arms, inputs) = ((&batch.arms[a.arm], &batch.arms[b.arm]), (&batch.inputs[a.input], &batch.inputs[b.input]));
@@ -73,18 +72,18 @@ impl AnyLanes for Block<'_, '_> {
                 _ => batch.run_member(member, slot, sequences, stop),
             }
         }
-        for (members, states) in in_lanes(ready, T::LANES).zip(states.chunks(T::LANES)) {
+        for (members, states) in in_chunks(ready, T::LANES).zip(states.chunks(T::LANES)) {
             if members.len() == 1 {
                 members.into_iter().for_each(|(member, slot)| batch.run_member(member, slot, sequences, stop));
             } else {
-                run_abreast(PhantomData::<T>, batch, members, states, (sequences, stop));
+                run_in_lanes(PhantomData::<T>, batch, members, states, (sequences, stop));
             }
         }
     }
 }
 
 /// `items` in chunks of at most `lanes`.
-fn in_lanes<I>(items: Vec<I>, lanes: usize) -> impl Iterator<Item = Vec<I>> {
+fn in_chunks<I>(items: Vec<I>, lanes: usize) -> impl Iterator<Item = Vec<I>> {
     let mut items = items.into_iter();
     std::iter::from_fn(move || {
         let chunk: Vec<I> = items.by_ref().take(lanes).collect();
@@ -93,7 +92,7 @@ fn in_lanes<I>(items: Vec<I>, lanes: usize) -> impl Iterator<Item = Vec<I>> {
 }
 
 /// Runs at most `T::LANES` members, lane by lane from lane 0 on; lanes that are left repeat the last one.
-fn run_abreast<'m, T: Real>(
+fn run_in_lanes<'m, T: Real>(
     _lanes: PhantomData<T>,
     batch: &Batch<'_>,
     mut members: Vec<(&'m Member<'m>, Slot<'_>)>,
@@ -106,7 +105,7 @@ fn run_abreast<'m, T: Real>(
     let local = |m: &Member<'_>| m.start - batch.inputs[m.input].origin();
     let same_input = members.iter().all(|(m, _)| m.start == first.start && m.input == first.input);
     let arms: Vec<&Arm> = members.iter().map(|(m, _)| &*batch.arms[m.arm]).collect();
-    let arm = Arc::new(if arms.iter().all(|a| std::ptr::eq(*a, arms[0])) { arms[0].lift() } else { abreast(&arms) });
+    let arm = Arc::new(if arms.iter().all(|a| std::ptr::eq(*a, arms[0])) { arms[0].lift() } else { in_lanes(&arms) });
     let x0: Vec<T> = (0..states[0].len()).map(|j| T::from_lanes(|k| states[k.min(used - 1)][j])).collect();
     // On the inputs' own clock where all start at the same time, else on one that starts at 0.
     let start = if members.iter().all(|(m, _)| local(m) == local(first)) { local(first) } else { 0.0 };
@@ -116,16 +115,9 @@ fn run_abreast<'m, T: Real>(
     };
     let inputs = (0..if same_input { 1 } else { T::LANES }).map(drive).collect();
     let times: Vec<f64> = first.times.iter().map(|t| t - first.start + start).collect();
-    let plant = Plant::abreast(arm.clone(), inputs).with_pneumatics(start, &x0[..arm.coordinates()]);
+    let plant = Plant::in_lanes(arm.clone(), inputs).with_pneumatics(start, &x0[..arm.coordinates()]);
     let options = plant.suited(batch.options);
-    let system = Parking {
-        plant,
-        parked: x0.clone(),
-        failures: vec![None; used],
-        clocks: members.iter().map(|(m, _)| m.start - start).collect(),
-        any: false,
-        weight: T::one(),
-    };
+    let system = Parking::new(plant, x0.clone(), members.iter().map(|(m, _)| m.start - start).collect());
     let mut integrator = Integrator::new(options, start, &x0);
     if let Some(steps) = sequences.of(batch, first, stop) {
         integrator = integrator.following(steps.from(start));
@@ -201,7 +193,7 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
                 }
             }
             // Rows written for a lane that had failed before this row are taken back.
-            for ((_, slot), failure) in members.iter_mut().zip(&system.failures) {
+            for ((_, slot), failure) in members.iter_mut().zip(system.failures()) {
                 if failure.is_some() && result.is_ok() {
                     slot.write(row, n, |_| f64::NAN, |_| None);
                 }
@@ -212,114 +204,9 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
         }
         let statistics = integrator.statistics();
         for (k, (_, slot)) in members.iter_mut().enumerate() {
-            let common = result.as_ref().err().map(|e| e.clone().on_clock(system.clocks[k]));
-            *slot.failure = system.failures[k].take().or(common);
+            *slot.failure = system.failure(k, result.as_ref().err());
             *slot.statistics = statistics;
         }
-    }
-}
-
-/// A plant whose diverged lanes are parked.
-struct Parking<T> {
-    plant: Plant<T>,
-    /// Where lanes are put that have diverged.
-    parked: Vec<T>,
-    /// Why each lane has, if so.
-    failures: Vec<Option<Error>>,
-    /// What to add to the plant's clock for each lane's own.
-    clocks: Vec<f64>,
-    any: bool,
-    /// 1 in lanes that go on, 0 in others.
-    weight: T,
-}
-
-impl<T: Real> Parking<T> {
-    #[inline(always)]
-    fn park(&self, x: &mut [T]) {
-        for (x, parked) in x.iter_mut().zip(&self.parked) {
-            *x = T::from_lanes(|k| {
-                // Lanes beyond the last member repeat it.
-                let failed = self.failures[k.min(self.failures.len() - 1)].is_some();
-                if failed { parked.lane(k) } else { x.lane(k) }
-            });
-        }
-    }
-
-    /// Finds the lanes that cannot go on.
-    #[cold]
-    #[inline(never)]
-    fn find(&mut self, t0: f64, x: &[T]) {
-        for k in 0..self.failures.len() {
-            if self.failures[k].is_some() {
-                continue;
-            }
-            let alone = |j: usize| if j == k { x } else { self.parked.as_slice() };
-            let only: Vec<T> = (0..x.len()).map(|i| T::from_lanes(|j| alone(j)[i].lane(j))).collect();
-            let finite = (0..x.len()).all(|i| x[i].lane(k).is_finite());
-            let reason = if finite { self.plant.objection(&only) } else { Some(NOT_FINITE.to_owned()) };
-            self.failures[k] = reason.map(|reason| Error::Simulation { time: t0 + self.clocks[k], reason });
-        }
-        self.weigh();
-    }
-
-    /// Notes which lanes have failed.
-    fn weigh(&mut self) {
-        self.any = true;
-        let last = self.failures.len() - 1;
-        self.weight = T::from_lanes(|k| if self.failures[k.min(last)].is_some() { 0.0 } else { 1.0 });
-    }
-}
-
-impl<T: Real> System<T> for Parking<T> {
-    #[inline(always)]
-    fn begin_step(&mut self, t0: f64, t1: f64, x0: &[T]) {
-        self.plant.begin_step(t0, t1, x0);
-    }
-    #[inline(always)]
-    fn derivative(&mut self, t: f64, x: &[T], dx: &mut [T]) {
-        self.plant.derivative(t, x, dx);
-    }
-    #[inline(always)]
-    fn end_step(&mut self, t1: f64, x1: &[T]) {
-        self.plant.end_step(t1, x1);
-    }
-    fn next_break(&mut self, t: f64) -> f64 {
-        self.plant.next_break(t)
-    }
-    fn next_bend(&mut self, t: f64) -> f64 {
-        self.plant.next_bend(t)
-    }
-    #[inline(always)]
-    fn is_second_order(&self) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn weight(&self) -> T {
-        self.weight
-    }
-    #[cold]
-    #[inline(never)]
-    fn forgo(&mut self, _t: f64, x: &mut [T], error: T, reason: &Error) -> bool {
-        for (k, failure) in self.failures.iter_mut().enumerate() {
-            if failure.is_none() && error.lane(k) > 1.0 {
-                *failure = Some(reason.clone().on_clock(self.clocks[k]));
-            }
-        }
-        self.weigh();
-        self.park(x);
-        self.failures.iter().any(Option::is_none)
-    }
-    #[inline(always)]
-    fn inspect(&mut self, t0: f64, x1: &mut [T]) -> Option<String> {
-        if self.any {
-            self.park(x1);
-        }
-        if all_finite(x1) && self.plant.objection(x1).is_none() {
-            return None;
-        }
-        self.find(t0, x1);
-        self.park(x1);
-        self.failures.iter().all(Option::is_some).then(|| "no lane can go on".to_owned())
     }
 }
 

@@ -1,6 +1,6 @@
 //! Many simulations at once: arms (parameter sets), inputs, windows of a log, over threads.
 //!
-//! Members that take the same steps are computed abreast, in the lanes of the processor's widest instruction set; which
+//! Members that take the same steps are computed together, in the lanes of the processor's widest instruction set; which
 //! ones does not depend on the threads, so the result does not either. Lanes agree with single simulations to rounding
 //! where steps are of a fixed length or those of another member, else to the tolerance: the worst lane controls them.
 //! A member that cannot go on keeps its place: NaN from its failure on and the error as its status.
@@ -85,10 +85,10 @@ pub struct Batch<'a> {
     pub options: Options,
     /// What is kept beside the lengths.
     pub channels: Channels,
-    /// Whether members that can be abreast take the steps that the first of them takes alone, all of them: an adaptive
+    /// Whether members that can share lanes take the steps that the first of them takes alone, all of them: an adaptive
     /// method's choice of steps is then no difference between members. The error is controlled for the first.
     pub shared_steps: bool,
-    /// What computes members abreast; single members where this processor lacks it, and for [`Method::DormandPrince54`]
+    /// What computes members in lanes; single members where this processor lacks it, and for [`Method::DormandPrince54`]
     /// by name, where every member takes its own steps unless they are shared.
     pub instruction_set: InstructionSet,
 }
@@ -199,7 +199,7 @@ impl Batch<'_> {
         .collect()
     }
 
-    /// The members in blocks that can be abreast.
+    /// The members in blocks that can share lanes.
     fn blocks<'b>(
         &'b self,
         slots: Vec<Slot<'b>>,
