@@ -14,9 +14,9 @@ from pathlib import Path
 import click
 import numpy as np
 from rich.console import Console
+from rich.table import Table
 
 import bha
-from bha.cli.control import reference_of, table
 from bha.control import (
     ClosedLoopRun,
     Controller,
@@ -26,7 +26,8 @@ from bha.control import (
     Reference,
     Sensors,
     StaticModel,
-    simulate_closed_loop,
+    there_and_back,
+    tip_circle,
 )
 from bha.parameters import ArmParameters
 from bha.plot import plot_tracking, write_figure
@@ -67,7 +68,16 @@ def controllers(model: bha.Arm, creeping: bha.Arm, truth: bha.Arm) -> dict[str, 
 
 def compare(plant: bha.Arm, laws: dict[str, Controller], reference: Reference) -> dict[str, ClosedLoopRun]:
     sensors = Sensors(length_noise=1e-4, pressure_noise=100.0, seed=1)
-    return {name: simulate_closed_loop(plant, law, reference, sensors=sensors) for name, law in laws.items()}
+    return {name: bha.simulate_closed_loop(plant, law, reference, sensors=sensors) for name, law in laws.items()}
+
+
+def table(runs: dict[str, ClosedLoopRun], title: str) -> Table:
+    """Distance of the tip from its reference, a row a run."""
+    out = Table("Controller", "RMS", "Greatest", "At the end", title=f"{title}, mm")
+    for name, run in runs.items():
+        error = 1e3 * run.tip_error
+        out.add_row(name, *(f"{value:.2f}" for value in (1e3 * run.rms_tip_error(), error.max(), error[-100:].mean())))
+    return out
 
 
 @click.command(help=__doc__)
@@ -78,8 +88,12 @@ def main(out: Path) -> None:
     laws = controllers(model, model.with_effects(CREEP), plant)
     out.mkdir(parents=True, exist_ok=True)
     console = Console()
-    for kind, title in (("circle", "Circle of the tip, 0.4 m/s"), ("move", "Fast move there and back")):
-        runs = compare(plant, laws, reference_of(model, kind, radius=0.12, speed=0.4, period=1e-3))
+    circle = tip_circle(model, 0.12, max_velocity=0.4)
+    for kind, title, reference in (
+        ("circle", "Circle of the tip, 0.4 m/s", circle),
+        ("move", "Fast move there and back", there_and_back(model)),
+    ):
+        runs = compare(plant, laws, reference)
         console.print(table(runs, title))
         path = write_figure(plot_tracking(runs, title=title), out / f"closed_loop_{kind}.png")
         console.print(f"Written: {path}")

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -22,12 +21,7 @@ from rich.console import Console
 from scipy.optimize import least_squares
 
 import bha
-from bha.diagnosis import workflow
-from bha.diagnosis.cache import cache_folder
-from bha.diagnosis.records import prepare
-from bha.diagnosis.refit import Trial
-from bha.diagnosis.select import Rules
-from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
+from bha.diagnosis import Outcome, Rules, Trial, run
 from bha.parameters import ArmParameters
 
 Array = NDArray[np.float64]
@@ -73,19 +67,16 @@ def measured_lag(arm: bha.Arm, folder: Path) -> tuple[float, float]:
     for name in (*TRAIN, *HELD_OUT):
         log = bha.Log.read(folder / f"{name}.csv", ambient_pressure=AMBIENT)
         recording = bha.Recording(arm, log, pressures="commanded", warn=False)
-        record = prepare(recording)
-        command = record.pressures.copy()
+        command = recording.drive.pressures.copy()
         # Before the log begins the chambers hold what they hold at its end: nothing but the least pressure.
         command[0] = command[-1]
-        pairs.append((replace(record, pressures=command), recording.drive_rows, log.pressures(arm.inputs)))
+        pairs.append((recording.drive.time, command, recording.drive_rows, log.pressures(arm.inputs)))
 
     def errors(z: Array) -> Array:
         parts = []
         fill, vent = np.exp(z)
-        for record, rows, measured in pairs:
-            probe = PressureProbe("pressure_lag", tuple(range(measured.shape[1])), {"fill": fill, "vent": vent})
-            (acting,) = acting_pressures(record, [probe], AMBIENT)
-            rest = measured - acting[rows]
+        for when, command, rows, measured in pairs:
+            rest = measured - lagged(when, command, fill, vent)[rows]
             parts.append((rest - rest.mean(axis=0)).ravel())
         return np.concatenate(parts)
 
@@ -93,7 +84,21 @@ def measured_lag(arm: bha.Arm, folder: Path) -> tuple[float, float]:
     return float(fill), float(vent)
 
 
-def tip_errors(outcome: workflow.Outcome, trial: Trial) -> str:
+def lagged(when: Array, command: Array, fill: float, vent: float) -> Array:
+    """Pressures (m, inputs) behind commands that are linear between samples: p' = (u - p) / tau, fill or vent."""
+    out = command.copy()
+    for row in range(1, len(when)):
+        h = when[row] - when[row - 1]
+        if h <= 0.0:  # a jump of the command moves nothing yet
+            out[row] = out[row - 1]
+            continue
+        tau = np.where(command[row] > out[row - 1], fill, vent)
+        keep, slope = np.exp(-h / tau), (command[row] - command[row - 1]) / h
+        out[row] = command[row] - (command[row - 1] - out[row - 1]) * keep - slope * tau * (1.0 - keep)
+    return out
+
+
+def tip_errors(outcome: Outcome, trial: Trial) -> str:
     """RMS error of the tip's position on each held-out log, mm."""
     parts = []
     for name, record, y in zip(HELD_OUT, outcome.holdout.problem.records, trial.prediction.outputs, strict=True):
@@ -102,7 +107,7 @@ def tip_errors(outcome: workflow.Outcome, trial: Trial) -> str:
     return ", ".join(parts)
 
 
-def tell(console: Console, outcome: workflow.Outcome) -> None:
+def tell(console: Console, outcome: Outcome) -> None:
     """Verdict, effects, held-out errors, decisions."""
     found = outcome.diagnosis
     console.print(f"verdict: {found.verdict}. {found.reason}")
@@ -150,15 +155,13 @@ def main(folder: Path, chosen: tuple[str, ...], threads: int | None, out: Path) 
                 last = stage
 
         console.print(f"{which} pressures; training {', '.join(TRAIN)}; held out {', '.join(HELD_OUT)}")
-        with cache_folder(results) as kept:
-            outcome = workflow.run(
-                [bha.Recording(arm, logs[name], pressures=which) for name in TRAIN],
-                [bha.Recording(arm, logs[name], pressures=which) for name in HELD_OUT],
-                threads=threads,
-                rules=RULES,
-                progress=progress,
-                cache_folder=kept,
-            )
+        outcome = run(
+            [bha.Recording(arm, logs[name], pressures=which) for name in TRAIN],
+            [bha.Recording(arm, logs[name], pressures=which) for name in HELD_OUT],
+            threads=threads,
+            rules=RULES,
+            progress=progress,
+        )
         tell(console, outcome)
         outcome.diagnosis.write(results / "diagnosis.json")
 

@@ -136,6 +136,21 @@ def test_no_name_hides_a_module() -> None:
             assert isinstance(getattr(importlib.import_module(package), last), ModuleType), name
 
 
+def test_examples_need_public_names_only() -> None:
+    """What a package of ``bha`` lists in ``__all__``."""
+    examples = sorted((PACKAGE.parents[1] / "examples").glob("*.py"))
+    assert examples
+    for path in examples:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] == "bha":
+                assert str(node.module).count(".") <= 1, f"{path.name} imports {node.module}"
+                public = importlib.import_module(str(node.module)).__all__
+                assert {alias.name for alias in node.names} <= set(public), f"{path.name}, line {node.lineno}"
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names if alias.name.partition(".")[0] == "bha"]
+                assert all(name == "bha" for name in names), f"{path.name} imports {names}"
+
+
 def test_verbs_are_there_and_imported_when_asked_for() -> None:
     """Type checkers see them where the interpreter imports them later."""
     assert all(hasattr(bha, name) for name in bha.__all__)

@@ -12,7 +12,7 @@ import click
 import numpy as np
 from rich.table import Table
 
-from bha import _core, names
+from bha import names
 from bha.arm import Arm
 from bha.cli.common import (
     arm_argument,
@@ -33,9 +33,8 @@ from bha.control.controllers import (
     Pid,
     StaticModel,
 )
-from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
-from bha.control.motions import point_to_point, tip_circle, tip_samples
+from bha.control.motions import there_and_back, tip_circle, tip_samples
 from bha.control.reach import Reachability, reachability
 from bha.control.reference import Reference
 from bha.errors import BhaError, InputError, LogWarning, ReferenceWarning, SimulationError
@@ -161,19 +160,7 @@ def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period
     if kind == "circle":
         return tip_circle(arm, radius, max_velocity=speed, period=period)
     if kind == "move":
-        limits = Limits.of(arm)
-        middle, half = (limits.shortest + limits.longest) / 2, (limits.longest - limits.shortest) / 2
-        # A slender arm bends far for small differences of its lengths: by no more than a radian here.
-        radii = np.repeat([section.bellows_radius for section in arm.parameters.sections], 3)
-        bend = np.tile([-0.3, 0.15, 0.15], arm.section_count) * np.minimum(1.0, radii / (0.3 * half))
-        fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
-        # From where the arm can rest to where it can rest: nearest to a bend that is meant for any arm.
-        start, end = (
-            _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred)[1]
-            for lengths in (middle - 0.1 * half, middle + (bend - 0.1) * half)
-        )
-        there = point_to_point(start, end, period=period, **fast)
-        return there.followed_by(point_to_point(end, start, period=period, **fast))
+        return there_and_back(arm, period=period)
     path = Path(kind)
     if not path.exists():
         raise InputError(f"reference: {kind!r} is neither circle nor move nor a file")

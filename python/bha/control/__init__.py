@@ -16,7 +16,7 @@ from bha.control.controllers import (
 from bha.control.limits import Limits
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
 from bha.control.margins import LinearLoop, linear_loop
-from bha.control.motions import hold, point_to_point, tip_circle, tip_line, tip_path, tip_samples
+from bha.control.motions import hold, point_to_point, there_and_back, tip_circle, tip_line, tip_path, tip_samples
 from bha.control.observers import FilteredDifference, KalmanFilter
 from bha.control.reach import Reachability, reachability
 from bha.control.reference import Reference
@@ -43,6 +43,7 @@ __all__ = [
     "point_to_point",
     "reachability",
     "simulate_closed_loop",
+    "there_and_back",
     "tip_circle",
     "tip_line",
     "tip_path",

@@ -79,6 +79,28 @@ def point_to_point(
     return Reference(period, a + along, velocity, acceleration)
 
 
+def there_and_back(arm: Arm, *, period: float = 1e-3) -> Reference:
+    """A fast move of all sections out of the middle of the lengths, and back: 0.4 m/s, 4 m/s^2, 80 m/s^3.
+
+    Raises:
+        ConvergenceError: the arm rests nowhere near the ends.
+        MissingExtraError: ruckig is not installed.
+    """
+    limits = Limits.of(arm)
+    middle, half = (limits.shortest + limits.longest) / 2, (limits.longest - limits.shortest) / 2
+    # A slender arm bends far for small differences of its lengths: by no more than a radian here.
+    radii = np.repeat([section.bellows_radius for section in arm.parameters.sections], 3)
+    bend = np.tile([-0.3, 0.15, 0.15], arm.section_count) * np.minimum(1.0, radii / (0.3 * half))
+    fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
+    # From where the arm can rest to where it can rest: nearest to a bend that is meant for any arm.
+    start, end = (
+        _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred)[1]
+        for lengths in (middle - 0.1 * half, middle + (bend - 0.1) * half)
+    )
+    there = point_to_point(start, end, period=period, **fast)
+    return there.followed_by(point_to_point(end, start, period=period, **fast))
+
+
 def tip_path(
     arm: Arm,
     path: Callable[[Floats], Floats],

@@ -1,14 +1,17 @@
 """Find where simulation and measurement disagree, name the missing effect, add it, show the gap shrink.
 
-``bha.diagnose(arm, logs, holdout=...)`` runs the workflow; ``docs/diagnosis.md`` explains it.
+``bha.diagnose(arm, logs, holdout=...)`` checks the logs, runs the workflow and writes what it found;
+``docs/diagnosis.md`` explains it. ``run`` is the workflow alone, for those who want the models behind a ``Diagnosis``
+too (an ``Outcome``; each ``Trial`` in it is a fit with its prediction of held-out logs) or other ``Rules``.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bha.checkup import checked
 from bha.errors import InputError
@@ -17,9 +20,31 @@ from bha.support.files import make_folder
 
 if TYPE_CHECKING:
     from bha.arm import Arm
+    from bha.diagnosis.refit import Trial
     from bha.diagnosis.result import Diagnosis
+    from bha.diagnosis.select import Rules
+    from bha.diagnosis.workflow import Outcome, run
     from bha.logs import Log
     from bha.recordings import PressureSort, Recording
+
+__all__ = ["Diagnosis", "Outcome", "Rules", "Trial", "diagnose", "run"]
+
+#: Name -> its module: imported when first asked for, since SciPy is an extra.
+_LATER = {
+    "Diagnosis": "bha.diagnosis.result",
+    "Outcome": "bha.diagnosis.workflow",
+    "Rules": "bha.diagnosis.select",
+    "Trial": "bha.diagnosis.refit",
+    "run": "bha.diagnosis.workflow",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of ``_LATER``."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value = getattr(importlib.import_module(_LATER[name]), name)
+    return value
 
 
 def diagnose(
@@ -56,7 +81,7 @@ def diagnose(
         progress: called with the stage and the share of it that is done, None where that is not known.
 
     Returns:
-        The diagnosis, see :class:`bha.diagnosis.result.Diagnosis`. After Ctrl-C in the search what was found so far,
+        The diagnosis, see :class:`bha.diagnosis.Diagnosis`. After Ctrl-C in the search what was found so far,
         with ``complete`` false.
 
     Raises:
