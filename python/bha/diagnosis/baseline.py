@@ -190,10 +190,10 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
     records, jobs = problem.records, []
     for job in problem.jobs(fit.model, fit.x, fit.states):
         record = job.record
-        if not np.any(record.pressure_noise > 0.0):
+        if not record.has_unsure_pressures:
             continue
         for _ in range(DRAWS):
-            noise = record.pressure_noise * rng.standard_normal(record.pressures.shape)
+            noise = record.pressure_errors(rng)
             if record.pressure_taps is not None:
                 noise = filtered(noise, record.pressure_taps)
             jobs.append(replace(job, pressures=record.pressures + noise))
@@ -201,7 +201,7 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
     result: list[list[Array]] = []
     for record, y in zip(records, fit.outputs, strict=True):
         draws: list[Array] = []
-        if np.any(record.pressure_noise > 0.0):
+        if record.has_unsure_pressures:
             draws = [np.nan_to_num(next(outputs) - y) for _ in range(DRAWS)]
         result.append(draws)
     return result

@@ -19,6 +19,7 @@ from bha.recordings import ChannelFacts, Observation
 if TYPE_CHECKING:
     from bha.arm.geometry import CameraFrame
     from bha.recordings import Recording
+    from bha.recordings.doubt import Doubt
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,7 @@ class Record:
         facts: noise and flaws of the outputs.
         pressure_facts: noise and flaws of the inputs.
         thinning: every how many rows one is compared, after low-pass filtering.
+        doubts: what the readings of each input leave open between them; none of any if empty.
         pressure_taps: the filter that the pressures went through, None for none; ``pressure_facts`` are from before.
     """
 
@@ -63,6 +65,7 @@ class Record:
     pressure_facts: tuple[ChannelFacts, ...]
     thinning: int = 1
     pressure_taps: Array | None = None
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -90,6 +93,29 @@ class Record:
         return np.array([fact.repeat_noise for fact in self.facts])
 
     @property
+    def has_unsure_pressures(self) -> bool:
+        """Whether pressures have noise, or may be others between their readings."""
+        return bool(np.any(self.pressure_noise > 0.0)) or any(doubt.any for doubt in self.doubts)
+
+    def pressure_errors(self, rng: np.random.Generator) -> Array:
+        """One draw of what the pressures may be besides those that are known, Pa, shape (m, inputs)."""
+        errors = self.pressure_noise * rng.standard_normal(self.pressures.shape)
+        for k, doubt in enumerate(self.doubts):
+            if doubt.any:
+                errors[:, k] += doubt.drawn(self.time, rng)
+        return errors
+
+    def left_open_in_words(self) -> str:
+        """What the readings of the pressures leave open, for the notes; empty where that is nothing."""
+        found = [
+            f"{fact.name} {np.sqrt(np.mean(doubt.scale**2)):.2g} Pa"
+            for fact, doubt in zip(self.pressure_facts, self.doubts, strict=False)
+            if doubt.any
+        ]
+        text = "pressures between their readings are known to within (RMS)"
+        return f"{self.name}: {text} {', '.join(found)}; that counts as noise" if found else ""
+
+    @property
     def pressure_noise(self) -> Array:
         """Noise of the inputs, Pa, shape (inputs,)."""
         return np.array([fact.noise for fact in self.pressure_facts])
@@ -113,10 +139,21 @@ class Record:
             rows=self.rows[inside] - first,
             outputs=self.outputs[inside],
             good=self.good[inside],
+            doubts=tuple(doubt.between(first, last) for doubt in self.doubts),
         )
 
 
-def prepare(recording: Recording, *, name: str | None = None) -> Record:
+def sensed_noise(recordings: Sequence[Recording]) -> Array:
+    """Noise of the readings of each pressure, Pa: of the log in which it is least; 0 where none tells.
+
+    The sensors are the same in all; what moves all the time hides its own noise.
+    """
+    found = np.array([[fact.noise for fact in recording.pressure_facts] for recording in recordings])
+    least = np.min(np.where(found > 0.0, found, np.inf), axis=0)
+    return np.asarray(np.where(np.isfinite(least), least, 0.0))
+
+
+def prepare(recording: Recording, *, name: str | None = None, pressure_noise: Array | None = None) -> Record:
     """A :class:`Record` of a recording.
 
     Orientations take no part: a diagnosis weighs all its outputs in metres.
@@ -124,6 +161,7 @@ def prepare(recording: Recording, *, name: str | None = None) -> Record:
     Args:
         recording: the log as the arm sees it.
         name: what reports call it; that of the recording if None.
+        pressure_noise: of the readings, Pa, see :func:`sensed_noise`; that of this recording alone if None.
 
     Raises:
         InputError: the log has neither lengths nor head positions, or fewer than 50 rows.
@@ -143,6 +181,7 @@ def prepare(recording: Recording, *, name: str | None = None) -> Record:
         raise InputError(f"{origin}: {len(chosen)} rows hold a reading that counts; at least {FEWEST_ROWS} are needed")
     drive = recording.drive
     forces = None if drive.forces is None or not np.any(drive.forces) else np.array(drive.forces)
+    noise = sensed_noise([recording]) if pressure_noise is None else pressure_noise
     return Record(
         name=origin,
         time=np.array(drive.time),
@@ -154,9 +193,10 @@ def prepare(recording: Recording, *, name: str | None = None) -> Record:
         observation=Observation.of(recording.arm.parameters, [recording.outputs[k] for k in kept]),
         facts=tuple(recording.facts[k] for k in kept),
         pressure_facts=tuple(
-            replace(fact, noise=float(noise))
-            for fact, noise in zip(recording.pressure_facts, recording.pressure_noise, strict=True)
+            replace(fact, noise=float(v))
+            for fact, v in zip(recording.pressure_facts, recording.acting_noise(noise), strict=True)
         ),
+        doubts=recording.left_open(noise),
     )
 
 

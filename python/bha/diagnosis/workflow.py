@@ -25,7 +25,7 @@ from bha.diagnosis.intervals import confidences, coordinate_draws, intervals
 from bha.diagnosis.model import EffectTerm, Model, plain_model
 from bha.diagnosis.noise import Whitener
 from bha.diagnosis.places import nested
-from bha.diagnosis.records import Record, from_rest, prepare, split, with_least_noise
+from bha.diagnosis.records import Record, from_rest, prepare, sensed_noise, split, with_least_noise
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.repeats import repeats, with_repeat_noise
 from bha.diagnosis.residual import describe_residual
@@ -122,6 +122,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         for r, log in zip([*train, *held], [*logs, *holdout_logs], strict=False)
         if commanded and r.time[0] > log.time[0]
     ]
+    state.notes += [text for r in (*train, *held) if (text := r.left_open_in_words())]
     state.notes += [
         f"{r.names[0]} and {r.names[1]} have the same inputs: what sets their outputs apart, {1e3 * r.rms:.2g} mm RMS "
         "in each, counts as noise"
@@ -184,8 +185,9 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
 def _records(
     logs: Sequence[Recording], holdout_logs: Sequence[Recording], commanded: bool
 ) -> tuple[list[Record], list[Record]]:
-    train = [prepare(log) for log in logs]
-    held = [prepare(log) for log in holdout_logs]
+    noise = sensed_noise([*logs, *holdout_logs])
+    train = [prepare(log, pressure_noise=noise) for log in logs]
+    held = [prepare(log, pressure_noise=noise) for log in holdout_logs]
     for record in [*train, *held]:
         if record.channels != train[0].channels:
             raise InputError(

@@ -8,7 +8,7 @@ what moves a bellows is the difference.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from bha import names
 from bha.errors import InputError, LogError
 from bha.recordings.clock import later
+from bha.recordings.doubt import Doubt, Interpolant, doubt
 from bha.recordings.interpolation import akima
+from bha.recordings.noise import quiet_noise
 from bha.recordings.samples import ChannelFacts
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ PressureSort = Literal["measured", "commanded"]
 
 #: A command that stands still for this long, s, for most of the time is one that is held between its changes.
 HELD_SECONDS, HELD_SHARE = 0.2, 0.5
+#: A quiet quarter with less than this share of the noise of the whole says that the rest was motion.
+QUIET_SHARE = 0.6
 #: A pressure that has changed over a dropout by this share of all its travel has done something that was missed.
 MISSED_TRAVEL = 0.05
 
@@ -128,16 +132,45 @@ def between_fresh(time: Array, pressures: Array, facts: Sequence[ChannelFacts], 
         return pressures
     mended = pressures.copy()
     for k, fact in enumerate(facts):
-        good = np.flatnonzero(usable[:, k])
-        if (fact.held > 0.0 or fact.spikes or fact.dropouts) and len(good) >= 2:
-            good = good[later(time[good])]
-            knots, values = time[good], pressures[good, k]
-            # A reading that stays for longer than usual has been renewed by the same value: it changes at the end.
-            late = np.flatnonzero(np.diff(knots) > 2.5 * fact.interval) if fact.held > 0.0 else np.empty(0, dtype=int)
-            knots = np.insert(knots, late + 1, knots[late + 1] - fact.interval)
-            values = np.insert(values, late + 1, values[late])
-            mended[:, k] = akima(time, knots, values) if fact.held > 0.0 else np.interp(time, knots, values)
+        if fact.held > 0.0 or fact.spikes or fact.dropouts:
+            knots, values = _readings(time, pressures[:, k], fact, usable[:, k])
+            if len(knots) >= 2:
+                mended[:, k] = _interpolant(fact)(time, knots, values)
     return mended
+
+
+def left_open(
+    time: Array, pressures: Array, facts: Sequence[ChannelFacts], usable: Mask, noise: Array
+) -> tuple[Doubt, ...]:
+    """What the readings of measured pressures, with their noise, leave open between them, one an input."""
+    return tuple(
+        doubt(time, *_readings(time, pressures[:, k], fact, usable[:, k]), float(noise[k]), _interpolant(fact))
+        for k, fact in enumerate(facts)
+    )
+
+
+def with_quiet_noise(fact: ChannelFacts, readings: Array) -> ChannelFacts:
+    """The facts of a measured pressure with the noise of its quiet quarter where all the rest moves.
+
+    What moves and is taken for noise would shake the model at every reading; what a curve misses is left open instead.
+    """
+    quiet = max(quiet_noise(readings), fact.quantum / np.sqrt(12.0))
+    return replace(fact, noise=quiet) if quiet < QUIET_SHARE * fact.noise else fact
+
+
+def _readings(time: Array, column: Array, fact: ChannelFacts, usable: Mask) -> tuple[Array, Array]:
+    """Times and values of the readings of one pressure."""
+    good = np.flatnonzero(usable)
+    good = good[later(time[good])]
+    knots, values = time[good], column[good]
+    # A reading that stays for longer than usual has been renewed by the same value: it changes at the end.
+    late = np.flatnonzero(np.diff(knots) > 2.5 * fact.interval) if fact.held > 0.0 else np.empty(0, dtype=int)
+    return np.insert(knots, late + 1, knots[late + 1] - fact.interval), np.insert(values, late + 1, values[late])
+
+
+def _interpolant(fact: ChannelFacts) -> Interpolant:
+    """Between readings that are held for several samples a curve, else straight lines."""
+    return akima if fact.held > 0.0 else np.interp
 
 
 def missed_spans(time: Array, pressures: Array, facts: Sequence[ChannelFacts]) -> list[tuple[float, float]]:

@@ -13,6 +13,7 @@ from bha.arm import Arm
 from bha.errors import LogError
 from bha.logs import Log
 from bha.recordings import aligned, clock, frozen, pressures, samples
+from bha.recordings.doubt import Doubt
 from bha.recordings.outputs import Output, observe
 from bha.recordings.pressures import PressureChoice, PressureSort
 from bha.recordings.samples import ChannelFacts
@@ -70,8 +71,14 @@ class Readings:
         judged = [
             samples.judge(self.time, n, "Pa", self._raw[:, k], measured=not commanded) for k, n in enumerate(columns)
         ]
-        self.pressure_facts: tuple[ChannelFacts, ...] = tuple(fact for fact, _ in judged)
         self._pressure_usable = np.column_stack([m for _, m in judged])
+        facts = [fact for fact, _ in judged]
+        if not commanded:
+            facts = [
+                pressures.with_quiet_noise(fact, self._raw[good, k])
+                for k, (fact, good) in enumerate(zip(facts, self._pressure_usable.T, strict=True))
+            ]
+        self.pressure_facts: tuple[ChannelFacts, ...] = tuple(facts)
         held = pressures.is_held_between(self.time, self._raw, sort)
         self.pressures = PressureChoice(
             sort=sort,
@@ -118,7 +125,21 @@ class Readings:
 
         A reading of a sensor that holds stands for several samples: their errors are one, and weigh more.
         """
-        return np.array([fact.noise / np.sqrt(1.0 - fact.held) for fact in self.pressure_facts])
+        return self.acting_noise(np.array([fact.noise for fact in self.pressure_facts]))
+
+    def acting_noise(self, noise: Array) -> Array:
+        """The same for readings with some ``noise``, Pa, shape (inputs,)."""
+        return np.array([v / np.sqrt(1.0 - fact.held) for v, fact in zip(noise, self.pressure_facts, strict=True)])
+
+    def left_open(self, noise: Array) -> tuple[Doubt, ...]:
+        """What readings leave open of each pressure of ``drive`` between them; nothing where they act as steps.
+
+        Args:
+            noise: of the readings, Pa, shape (inputs,).
+        """
+        if self.pressures.sort == "commanded" or self.pressures.between_readings == "steps":
+            return ()
+        return pressures.left_open(self.time, self._raw, self.pressure_facts, self._pressure_usable, noise)
 
     @cached_property
     def _drive(self) -> tuple[Input, NDArray[np.intp]]:
