@@ -37,6 +37,7 @@ from bha.diagnosis.noise import (
 from bha.diagnosis.records import Record
 from bha.diagnosis.smoothing import filtered
 from bha.diagnosis.start import first_state, tells_state
+from bha.diagnosis.steady import steady_noise
 from bha.diagnosis.steps import (
     COARSE_ERROR_SHARE,
     COARSE_MISFIT_SHARE,
@@ -207,6 +208,12 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
     return result
 
 
+def mean_white_square(problem: Problem, changes: Sequence[Sequence[Array]]) -> float:
+    """Mean square of the white rows of draws of changes of each log's outputs; 0 where there are none."""
+    squares = [np.mean(w(y) ** 2) for w, draws in zip(problem.whiteners, changes, strict=True) for y in draws]
+    return float(np.mean(squares)) if squares else 0.0
+
+
 def _add_to_bins(sums: Array, counts: Array, edges: Array, frequency: Array, power: Array) -> None:
     place = np.searchsorted(edges, frequency) - 1
     inside = (place >= 0) & (place < len(sums))
@@ -224,18 +231,26 @@ def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence
     result = [SensorNoise(float(v)) for v in white]
     sample_time = float(np.median([r.sample_time for r in records]))
     top = 0.47 / sample_time
-    if top < 2.0 * QUIET_FREQUENCY:
-        return result
     is_length = records[0].observation.is_length
-    edges = np.linspace(QUIET_FREQUENCY, top, 60)
+    edges = np.linspace(QUIET_FREQUENCY, max(top, 2.0 * QUIET_FREQUENCY), 60)
     centres = 0.5 * (edges[1:] + edges[:-1])
     for group in (np.flatnonzero(is_length), np.flatnonzero(~is_length)):
         if not len(group):
             continue
+        left = [
+            record.outputs[:, group] - CubicSpline(thinned.output_time, y[:, group])(record.output_time)
+            for record, thinned, y in zip(records, prepared.records, outputs, strict=True)
+        ]
+        slow = steady_noise(records, left, white[group])
+        if slow is not None:
+            for k in group:
+                result[k] = SensorNoise(float(white[k]) * slow.deviation, slow.share, slow.time)
+            continue
+        if top < 2.0 * QUIET_FREQUENCY:
+            continue
         sums, counts = np.zeros(len(centres)), np.zeros(len(centres))
-        for record, thinned, y in zip(records, prepared.records, outputs, strict=True):
-            smooth = CubicSpline(thinned.output_time, y[:, group])(record.output_time)
-            power = np.mean((dct(record.outputs[:, group] - smooth, axis=0, norm="ortho") / white[group]) ** 2, axis=1)
+        for record, error in zip(records, left, strict=True):
+            power = np.mean((dct(error, axis=0, norm="ortho") / white[group]) ** 2, axis=1)
             _add_to_bins(sums, counts, edges, frequencies(len(record.rows), sample_time), power)
         known, draws = np.zeros(len(centres)), np.zeros(len(centres))
         for thinned, changes in zip(prepared.records, disturbed, strict=True):
@@ -263,12 +278,14 @@ class Baseline:
         noise: the noise model.
         fit: the fit, with sensitivities.
         prepared: step and thinned logs.
+        shaken: what the noise of the pressures does, mean square of white rows.
     """
 
     problem: Problem
     noise: NoiseModel
     fit: Fit
     prepared: Prepared
+    shaken: float = 0.0
 
 
 def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel, engine: Engine) -> tuple[Array, list[Array]]:
@@ -355,8 +372,17 @@ def _engine_for(engine: Engine, prepared: Prepared, fit: Fit, problem: Problem) 
     return engine.with_step(step, prepared.longest_step(COARSE_MISFIT_SHARE * misfit))
 
 
-def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, cache: Cache | None = None) -> Baseline:
+def fit_baseline(
+    model: Model,
+    prepared: Prepared,
+    engine: Engine,
+    seed: int,
+    cache: Cache | None = None,
+    scatter: Array | None = None,
+) -> Baseline:
     """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
+
+    ``scatter`` is what sets logs apart that begin alike, m, shape (channels,).
 
     Raises:
         ConvergenceError: the nominal arm diverges under these logs.
@@ -381,7 +407,7 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
     fit = evaluate(problem, model, x, states)
     engine = _engine_for(engine, prepared, fit, problem)
     disturbed = disturbed_outputs(replace(problem, engine=engine), fit, seed)
-    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed))
+    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed), scatter)
     problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
     known = cache.get("plain", shapes)
     if known is None:
@@ -391,4 +417,5 @@ def fit_baseline(model: Model, prepared: Prepared, engine: Engine, seed: int, ca
         fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)
     if stiff:
         problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
-    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared)
+    shaken = mean_white_square(problem, disturbed)
+    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared, shaken)

@@ -72,9 +72,18 @@ class GapTest:
 
 
 def gap_test(
-    problem: Problem, holdout: Holdout, fit: Fit, prediction: Prediction, ratio: float, limits: Limits
+    problem: Problem,
+    holdout: Holdout,
+    fit: Fit,
+    prediction: Prediction,
+    ratio: float,
+    limits: Limits,
+    more: float = 0.0,
 ) -> GapTest:
-    """Test the gap of the plain model ``fit`` on the held-out logs; ``ratio`` is its RMS error over the noise's."""
+    """Test the gap of the plain model ``fit`` on the held-out logs; ``ratio`` is its RMS error over the noise's.
+
+    ``more`` is what noise has in mean square there beyond that of the training logs.
+    """
     held = holdout.problem
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
@@ -85,7 +94,7 @@ def gap_test(
     spread = columns(held, here, range(fit.model.size))
     parameters = float(np.sum((spread @ covariance) * spread)) / held.rows
     deviation = float(np.sqrt(2.0 / held.rows))
-    expected = 1.0 + parameters
+    expected = 1.0 + parameters + more
     limit = expected * (1.0 + limits.model) + limits.deviations * deviation
     significant = is_significant(prediction.mean_square, limit, ratio, fit.squares / problem.rows, limits)
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)

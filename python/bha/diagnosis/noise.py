@@ -148,6 +148,7 @@ def noise_model(
     records: Sequence[Record],
     disturbed: Sequence[Sequence[Array]],
     sensors: Sequence[SensorNoise] | None = None,
+    scatter: Array | None = None,
 ) -> NoiseModel:
     """The noise model from the records' sensor noise and what draws of pressure noise do to the simulated outputs.
 
@@ -155,6 +156,7 @@ def noise_model(
         records: the logs.
         disturbed: per log, per draw, the change of the outputs (rows, channels), m.
         sensors: noise of each output; white, as the records have it, if None.
+        scatter: what sets logs apart for as long as they last, m, shape (channels,): all in the lowest band.
     """
     top = min(TOP_FREQUENCY, *(0.5 / record.sample_time for record in records))
     edges = band_edges(max(float(np.ptp(r.output_time)) for r in records), top)
@@ -183,6 +185,10 @@ def noise_model(
     repeat_part = np.sqrt(np.maximum(repeated - sensor**2, 0.0))
     # What an arm does is slow and loses nothing by thinning.
     covariance += np.einsum("bi,ij->bij", shape * sensor**2 / thinning + repeat_part**2, np.eye(channels))
+    if scatter is not None:
+        rows = float(np.mean([len(r.rows) for r in records]))
+        covariance[0] += np.diag(scatter**2) * rows / BAND_COEFFICIENTS
+        repeat_part = np.sqrt(repeat_part**2 + scatter**2)
     pressure_part = np.sqrt(np.mean(pressure_squares, axis=0)) if pressure_squares else np.zeros(channels)
     colours = tuple((s.share, s.time) for s in sensors)
     return NoiseModel(edges, covariance, sensor, pressure_part, repeat_part, colours)

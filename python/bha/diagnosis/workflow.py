@@ -13,14 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis import catalogue, excitation
-from bha.diagnosis.baseline import Baseline, Prepared, cut_to, fit_baseline, prepare_runs, thin
+from bha.diagnosis.baseline import (
+    Baseline,
+    Prepared,
+    cut_to,
+    disturbed_outputs,
+    fit_baseline,
+    mean_white_square,
+    prepare_runs,
+    thin,
+)
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.camera import moved, with_camera
 from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import GapTest, Limits, Verdict, decide, gap_test, without_faults
 from bha.diagnosis.engine import Engine, Job
-from bha.diagnosis.fit import Fit, Problem, with_sensitivities
-from bha.diagnosis.holdout import Holdout
+from bha.diagnosis.fit import Fit, Problem, evaluate, with_sensitivities
+from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction
 from bha.diagnosis.intervals import confidences, coordinate_draws, intervals
 from bha.diagnosis.model import EffectTerm, Model, plain_model
 from bha.diagnosis.noise import Whitener
@@ -34,6 +43,7 @@ from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.select import Rules, Search, search
 from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.start import first_state
+from bha.diagnosis.steady import start_scatter
 from bha.diagnosis.where import locate
 from bha.errors import InputError
 
@@ -107,7 +117,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     options = (commanded, seed, rules, prepared.step, kinds)
     sensors = model.sensors and model.sensors.model_dump(mode="json")
     cache = Cache(cache_folder, key_of(json.dumps([model.core, sensors]), [*train, *held], options))
-    baseline = fit_baseline(model, prepared, engine, seed, cache)
+    scatter = start_scatter([*train, *held])
+    baseline = fit_baseline(model, prepared, engine, seed, cache, scatter)
     problem, plain_fit, engine = baseline.problem, baseline.fit, baseline.problem.engine
     holdout = _holdout(baseline, prepared, held, engine)
     held = [cut_to(r, t) for r, t in zip(held, holdout.problem.records, strict=True)]
@@ -123,16 +134,22 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         if commanded and r.time[0] > log.time[0]
     ]
     state.notes += [text for r in (*train, *held) if (text := r.left_open_in_words())]
+    if scatter is not None and np.any(scatter > baseline.noise.sensor * 0.3):
+        state.notes.append(
+            f"logs that begin under the same pressures begin {1e3 * float(np.max(scatter)):.2g} mm apart (RMS): "
+            "something sets them apart that is not logged; that counts as noise"
+        )
     state.notes += [
         f"{r.names[0]} and {r.names[1]} have the same inputs: what sets their outputs apart, {1e3 * r.rms:.2g} mm RMS "
         "in each, counts as noise"
         for r in repeated
     ]
-    noise_rms = _noise_rms(baseline)
+    floor, more = _held_out_noise(baseline, holdout, prediction, seed)
+    noise_rms = float(np.sqrt(np.mean(floor**2)))
     say("testing the gap")
     comparable = np.isfinite(prediction.mean_square)
     before = open_loop_error(held, engine, first, prediction.until if comparable else [np.inf] * len(held))
-    gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits)
+    gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
@@ -221,9 +238,27 @@ def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], eng
     return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states)
 
 
-def _noise_rms(baseline: Baseline) -> float:
-    """Open-loop RMS error of a right model on all rows of a log, m: noise of sensors and pressures, unlike repeats."""
-    return float(np.sqrt(np.mean(baseline.noise.floor**2)))
+def _held_out_noise(baseline: Baseline, holdout: Holdout, prediction: Prediction, seed: int) -> tuple[Array, float]:
+    """Open-loop error of a right model on the held-out logs, and what of it the whitening of the training logs lacks.
+
+    Noise of sensors and pressures, unlike repeats. What readings of pressures leave open differs from log to log.
+
+    Returns:
+        RMS error in each output, m, shape (channels,); mean square of white rows beyond that of the training logs.
+    """
+    noise, held = baseline.noise, holdout.problem
+    if not any(doubt.any for record in held.records for doubt in record.doubts):
+        return noise.floor, 0.0
+    fit = evaluate(held, baseline.fit.model, baseline.fit.x, prediction.states)
+    drawn = [
+        [change for change in changes if np.max(np.abs(change), initial=0.0) < RUN_AWAY]
+        for changes in disturbed_outputs(held, fit, seed)
+    ]
+    if not all(drawn):
+        return noise.floor, 0.0
+    part = np.mean([np.mean(change**2, axis=0) for changes in drawn for change in changes], axis=0)
+    floor = np.sqrt(noise.sensor**2 + np.maximum(part, noise.pressure_part**2) + noise.repeat_part**2)
+    return floor, max(0.0, mean_white_square(held, drawn) - baseline.shaken)
 
 
 def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial, until: Sequence[float]) -> float:
