@@ -21,7 +21,7 @@ from rich.console import Console
 from scipy.optimize import least_squares
 
 import bha
-from bha.diagnosis import Outcome, Rules, Trial, run
+from bha.diagnosis import Investigation, Rules, Trial, run
 from bha.parameters import ArmParameters
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ def lagged(when: Array, command: Array, fill: float, vent: float) -> Array:
     return out
 
 
-def tip_errors(outcome: Outcome, trial: Trial) -> str:
+def tip_errors(outcome: Investigation, trial: Trial) -> str:
     """RMS error of the tip's position on each held-out log, mm."""
     parts = []
     for name, record, y in zip(HELD_OUT, outcome.holdout.problem.records, trial.prediction.outputs, strict=True):
@@ -107,7 +107,7 @@ def tip_errors(outcome: Outcome, trial: Trial) -> str:
     return ", ".join(parts)
 
 
-def tell(console: Console, outcome: Outcome) -> None:
+def tell(console: Console, outcome: Investigation) -> None:
     """Verdict, effects, held-out errors, decisions."""
     found = outcome.diagnosis
     console.print(f"verdict: {found.verdict}. {found.reason}")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bha.checkup.finding import Explanation, Finding
-from bha.diagnosis.decide import Limits, Verdict, is_significant, without_faults
+from bha.diagnosis.decide import Decision, Thresholds, is_significant, without_faults
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from bha.diagnosis.decide import Limits, Verdict, is_significant, without_faults
 def test_uncertain_parameters_excuse_errors_on_held_out_logs_only(
     mean_square: float, limit: float, ratio: float, training: float, expected: bool
 ) -> None:
-    assert is_significant(mean_square, limit, ratio, training, Limits()) is expected
+    assert is_significant(mean_square, limit, ratio, training, Thresholds()) is expected
 
 
 @pytest.mark.parametrize("verdict", ["named", "unknown", "no_gap"])
@@ -33,7 +33,7 @@ def test_what_a_check_found_is_said_with_the_verdict(verdict: str) -> None:
         "fault", "wiring", "log", "section 1 does not bend as its chambers push by the file",
         explanations=(Explanation("tubes exchanged: p12 and p13", "rename"),),
     )  # fmt: skip
-    given = Verdict(verdict, "the search's own reason", 0.5)
+    given = Decision(verdict, "the search's own reason", 0.5)
     assert without_faults(given, []) is given
     made = without_faults(given, [fault])
     if verdict == "no_gap":

@@ -10,11 +10,11 @@ import pytest
 import bha
 from bha import _core
 from bha.errors import InputError
-from bha.experiments import Body, Schedule, Sensors, VirtualArm
+from bha.experiments import Schedule, VirtualArm, VirtualBody, VirtualSensors
 from bha.experiments.virtual_arm import thin_disc
 
 DESIGN = bha.robots.load("bha_nominal")
-PERFECT = Sensors(0.0, 1e-12, 0.0, 1e-9, 1e-9)
+PERFECT = VirtualSensors(0.0, 1e-12, 0.0, 1e-9, 1e-9)
 NOTHING = (0, 0.0, (0.0, 0.0, 0.0))
 
 
@@ -38,7 +38,7 @@ def test_mass_is_conserved_and_moves_inwards() -> None:
     """Hanging still, the springs carry the same weight at the top, less of it further down."""
     ambient = np.full(9, DESIGN.parameters.ambient_pressure)
     schedule = Schedule(np.array([0.0, 0.01]), np.vstack([ambient, ambient]))
-    exact = Body(scatter=0.0, creep=())
+    exact = VirtualBody(scatter=0.0, creep=())
     lumped = VirtualArm(DESIGN, dataclasses.replace(exact, plate_share=1.0), PERFECT).measure(schedule, number=0)
     spread = VirtualArm(DESIGN, exact, PERFECT).measure(schedule, number=0)
     assert lumped.lengths is not None
@@ -80,11 +80,11 @@ def test_chamber_pressure_lags() -> None:
 
 def test_wrong_bodies_are_refused() -> None:
     with pytest.raises(InputError, match="plate_share: 0"):
-        VirtualArm(DESIGN, Body(plate_share=0.0))
+        VirtualArm(DESIGN, VirtualBody(plate_share=0.0))
     with pytest.raises(InputError, match=r"creep.*positive time"):
-        VirtualArm(DESIGN, Body(creep=((0.1, 0.0),)))
+        VirtualArm(DESIGN, VirtualBody(creep=((0.1, 0.0),)))
     with pytest.raises(InputError, match="slices for a mass"):
-        VirtualArm(DESIGN, Body(slices=0))
+        VirtualArm(DESIGN, VirtualBody(slices=0))
     core = _core.VirtualArm(DESIGN.parameters.to_core_json(), [NOTHING] * 3, [])
     with pytest.raises(InputError, match=r"expected shape \(any, 9\)"):
         core.run([0.0, 1.0], np.ones((2, 8)), None, [0.0], np.full(9, 0.2), np.zeros(9), [], 1e-3)

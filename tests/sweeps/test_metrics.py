@@ -10,7 +10,7 @@ import numpy as np
 import bha
 import bha.sweeps
 from bha.sweeps.metrics import Runs, evaluate
-from bha.sweeps.summary import Moments
+from bha.sweeps.summary import RunningMoments
 
 from .small_sweeps import one_section, rows, spec
 
@@ -95,7 +95,7 @@ def test_length_and_energy_metrics(tmp_path: Path) -> None:
 def test_moments_are_those_of_numpy() -> None:
     values = np.random.default_rng(0).normal(1e6, 1.0, 1000)
     values[::7] = np.nan
-    moments = Moments()
+    moments = RunningMoments()
     for piece in np.array_split(values, 13):
         moments.add(piece)
     good = values[np.isfinite(values)]
@@ -103,7 +103,7 @@ def test_moments_are_those_of_numpy() -> None:
     np.testing.assert_allclose(moments.mean, good.mean(), rtol=1e-14)
     np.testing.assert_allclose(moments.standard_deviation, good.std(ddof=1), rtol=1e-9)
     assert (moments.low, moments.high) == (good.min(), good.max())
-    assert np.isnan(Moments().standard_deviation)
+    assert np.isnan(RunningMoments().standard_deviation)
 
 
 def test_every_metric_has_words() -> None:

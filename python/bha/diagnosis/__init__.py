@@ -2,7 +2,7 @@
 
 ``bha.diagnose(arm, logs, holdout=...)`` checks the logs, runs the workflow and writes what it found;
 ``docs/diagnosis.md`` explains it. ``run`` is the workflow alone, for those who want the models behind a ``Diagnosis``
-too (an ``Outcome``; each ``Trial`` in it is a fit with its prediction of held-out logs) or other ``Rules``.
+too (an ``Investigation``; each ``Trial`` in it is a fit with its prediction of held-out logs) or other ``Rules``.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from bha.diagnosis.refit import Trial
     from bha.diagnosis.result import Diagnosis
     from bha.diagnosis.select import Rules
-    from bha.diagnosis.workflow import Outcome, run
+    from bha.diagnosis.workflow import Investigation, run
     from bha.logs import Log
     from bha.recordings import PressureSort, Recording
 
-__all__ = ["Diagnosis", "Outcome", "Rules", "Trial", "diagnose", "run"]
+__all__ = ["Diagnosis", "Investigation", "Rules", "Trial", "diagnose", "run"]
 
 #: Name -> its module: imported when first asked for, since SciPy is an extra.
 _LATER = {
     "Diagnosis": "bha.diagnosis.result",
-    "Outcome": "bha.diagnosis.workflow",
+    "Investigation": "bha.diagnosis.workflow",
     "Rules": "bha.diagnosis.select",
     "Trial": "bha.diagnosis.refit",
     "run": "bha.diagnosis.workflow",

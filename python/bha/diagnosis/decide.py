@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Limits:
+class Thresholds:
     """Thresholds of the verdict; measured on tuning seeds, see docs/diagnosis.md.
 
     Attributes:
@@ -77,7 +77,7 @@ def gap_test(
     fit: Fit,
     prediction: Prediction,
     ratio: float,
-    limits: Limits,
+    limits: Thresholds,
     more: float = 0.0,
 ) -> GapTest:
     """Test the gap of the plain model ``fit`` on the held-out logs; ``ratio`` is its RMS error over the noise's.
@@ -100,7 +100,7 @@ def gap_test(
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)
 
 
-def is_significant(mean_square: float, limit: float, ratio: float, training: float, limits: Limits) -> bool:
+def is_significant(mean_square: float, limit: float, ratio: float, training: float, limits: Thresholds) -> bool:
     """Whether errors are a gap: mean squares on held-out and training logs, and the RMS over the noise's."""
     # A model that runs away at once has been compared with nothing: that is a gap, whatever is left of the error.
     if not np.isfinite(mean_square):
@@ -109,7 +109,7 @@ def is_significant(mean_square: float, limit: float, ratio: float, training: flo
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Decision:
     """Verdict and reason.
 
     Attributes:
@@ -123,10 +123,10 @@ class Verdict:
     closure: float
 
 
-def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict:
+def decide(search: Search, gap: GapTest, left: float, limits: Thresholds) -> Decision:
     """The verdict on a finished or interrupted search; ``left`` is the best set's RMS error over the noise's."""
     if not np.isfinite(gap.mean_square):
-        return Verdict(
+        return Decision(
             "unknown",
             "the re-identified plain model runs away on the held-out logs before enough of them is compared; "
             "identify the arm first (bha identify), so that the search starts near to it",
@@ -135,18 +135,18 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
     before, after = excesses(search.plain.prediction, search.best.prediction)
     closure = 1.0 - after / before if before > 0.0 else 0.0
     if not gap.significant:
-        return Verdict(
+        return Decision(
             "no_gap",
             f"on the held-out logs the re-identified plain model errs by {gap.ratio:.2f} times what noise alone makes; "
             f"mean square of the white residual {gap.mean_square:.2f}, limit {gap.limit:.2f}",
             closure,
         )
     if not search.best.candidates:
-        return Verdict(
+        return Decision(
             "unknown", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
         )
     if closure < limits.closure:
-        return Verdict(
+        return Decision(
             "unknown",
             f"the best known effects ({search.best.label}) remove {100 * closure:.0f} % of the excess error on held-out"
             " logs only",
@@ -155,17 +155,17 @@ def decide(search: Search, gap: GapTest, left: float, limits: Limits) -> Verdict
     removed = f"{100 * closure:.0f} % of the excess error on held-out logs is removed"
     fine = gap.ratio > limits.fine
     if closure < limits.good_closure and left > limits.left and not fine:
-        return Verdict(
+        return Decision(
             "unknown",
             f"the best known effects ({search.best.label}) leave an error of {left:.1f} times the noise "
             f"({100 * closure:.0f} % of the excess removed)",
             closure,
         )
     rest = f"; what is left is {left:.0f} times the noise and not explained" if fine else ""
-    return Verdict("named", removed + rest, closure)
+    return Decision("named", removed + rest, closure)
 
 
-def without_faults(verdict: Verdict, faults: Sequence[Finding]) -> Verdict:
+def without_faults(verdict: Decision, faults: Sequence[Finding]) -> Decision:
     """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended."""
     if not faults or verdict.verdict == "no_gap":
         return verdict
@@ -174,4 +174,4 @@ def without_faults(verdict: Verdict, faults: Sequence[Finding]) -> Verdict:
     more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
     where = f"{first.where}: " if first.kind == "wiring" and first.where != "all logs" else ""
     text = f"logs and file do not belong together: {where}{first.what}{cause}{more}; mend that first, see bha check"
-    return Verdict("unknown", text if verdict.verdict == "named" else f"{text}; {verdict.reason}", verdict.closure)
+    return Decision("unknown", text if verdict.verdict == "named" else f"{text}; {verdict.reason}", verdict.closure)

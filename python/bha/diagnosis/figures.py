@@ -14,7 +14,7 @@ from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from bha.diagnosis.result import Diagnosis
-    from bha.diagnosis.workflow import Outcome
+    from bha.diagnosis.workflow import Investigation
     from bha.recordings import Observation
 
 Array = NDArray[np.float64]
@@ -143,7 +143,7 @@ def candidates_figure(found: Diagnosis) -> Any:
     return _layout(figure, 120 + 24 * len(shown), showlegend=False)
 
 
-def trace_figure(outcome: Outcome) -> Any:
+def trace_figure(outcome: Investigation) -> Any:
     """Measured and simulated outputs of the worst channels of the first held-out log."""
     go = _plotly()
     record = outcome.holdout.problem.records[0]
@@ -180,7 +180,7 @@ def trace_figure(outcome: Outcome) -> Any:
     return _layout(figure, 200 * len(worst) + 60, titled=True)
 
 
-def error_figure(outcome: Outcome) -> Any:
+def error_figure(outcome: Investigation) -> Any:
     """RMS error over the first held-out log, low-passed as it was compared, in blocks of a quarter of a second."""
     go = _plotly()
     record = outcome.holdout.problem.records[0]
@@ -211,7 +211,7 @@ def error_figure(outcome: Outcome) -> Any:
     return _layout(figure, 300)
 
 
-def arm_figure(outcome: Outcome) -> Any:
+def arm_figure(outcome: Investigation) -> Any:
     """The arm moving on the first held-out log, measured against simulated: two side views."""
     go = _plotly()
     record = outcome.holdout.problem.records[0]

@@ -13,7 +13,7 @@ from bha.support.files import written_whole
 if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.diagnosis.result import Diagnosis
-    from bha.diagnosis.workflow import Outcome
+    from bha.diagnosis.workflow import Investigation
 
 VERDICTS = {
     "named": "A missing effect is named",
@@ -42,7 +42,7 @@ th, td {
 """
 
 
-def write_report(outcome: Outcome, arm: Arm, path: str | os.PathLike[str]) -> None:
+def write_report(outcome: Investigation, arm: Arm, path: str | os.PathLike[str]) -> None:
     """Write the report, whole or not at all.
 
     Raises:
@@ -54,7 +54,7 @@ def write_report(outcome: Outcome, arm: Arm, path: str | os.PathLike[str]) -> No
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def report_html(outcome: Outcome, arm_name: str) -> str:
+def report_html(outcome: Investigation, arm_name: str) -> str:
     """The text of the report."""
     offline = import_extra("plotly.offline", extra="report", purpose="The report of a diagnosis")
     found = outcome.diagnosis

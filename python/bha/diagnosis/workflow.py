@@ -26,7 +26,7 @@ from bha.diagnosis.baseline import (
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.camera import moved, with_camera
 from bha.diagnosis.candidate import core_ranges
-from bha.diagnosis.decide import GapTest, Limits, Verdict, decide, gap_test, without_faults
+from bha.diagnosis.decide import Decision, GapTest, Thresholds, decide, gap_test, without_faults
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.fit import Fit, Problem, evaluate, with_sensitivities
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction
@@ -58,7 +58,7 @@ Progress = Callable[[str, float | None], None]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Investigation:
     """A diagnosis with what the report and the new parameter file need.
 
     Attributes:
@@ -92,13 +92,13 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     cache_folder: Path | None = None,
     kinds: Sequence[str] | None = None,
     rules: Rules | None = None,
-    limits: Limits | None = None,
+    limits: Thresholds | None = None,
     faults: Sequence[Finding] = (),
-) -> Outcome:
+) -> Investigation:
     """Diagnose the arm of ``logs``; see :func:`bha.diagnose`."""
     arm, commanded = logs[0].acting, logs[0].pressures.sort == "commanded"
     begin = time.monotonic()
-    rules, limits = rules or Rules(), limits or Limits()
+    rules, limits = rules or Rules(), limits or Thresholds()
 
     def say(text: str, share: float | None = None) -> None:
         if progress is not None:
@@ -196,7 +196,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     if state.complete:
         cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
-    return Outcome(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
+    return Investigation(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
 
 
 def _records(
@@ -281,7 +281,7 @@ def _describe(
     state: Search,
     signatures: Signatures,
     gap: GapTest,
-    verdict: Verdict,
+    verdict: Decision,
     where: dict[str, Any],
     final: Trial,
     uncertainty: Sequence[tuple[float, float]],

@@ -13,7 +13,7 @@ from bha.support.files import check_target
 if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.diagnosis.result import Number
-    from bha.diagnosis.workflow import Outcome
+    from bha.diagnosis.workflow import Investigation
     from bha.logs import Log
     from bha.parameters.sensors import SensorsParameters
 
@@ -50,7 +50,7 @@ def check_results(folder: Path, *, report: bool) -> None:
             raise InputError(f"{path}: was not written by bha diagnose; move it away, or name another folder")
 
 
-def diagnosed_arm(arm: Arm, outcome: Outcome, logs: Sequence[Log]) -> Arm:
+def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
     """The arm with the values of the last model; provenance ``identified`` with intervals and the training logs."""
     mapping = arm.parameters.to_mapping()
     model, x = outcome.model, outcome.x
@@ -92,7 +92,7 @@ def _effect_table(
 
 
 def _write_plain(
-    mapping: dict[str, Any], model: Model, x: Any, outcome: Outcome, references: list[dict[str, str]]
+    mapping: dict[str, Any], model: Model, x: Any, outcome: Investigation, references: list[dict[str, str]]
 ) -> None:
     # What the model computes with at x says every derived value (inertia) too.
     core = model.with_effects([]).description(x[: len(model.plain)])
@@ -125,7 +125,7 @@ def _write_plain(
 
 
 def _sensors_table(
-    arm: Arm, sensors: SensorsParameters, outcome: Outcome, references: list[dict[str, str]]
+    arm: Arm, sensors: SensorsParameters, outcome: Investigation, references: list[dict[str, str]]
 ) -> dict[str, Any]:
     """``[sensors]`` with the camera's estimated frame."""
     table: dict[str, Any] = arm.parameters.to_mapping().get("sensors", {})

@@ -6,6 +6,6 @@ each figure or table, whose ``run`` returns an ``Outcome``. ``document``: the pa
 
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.experiments.virtual_arm import Body, Schedule, Sensors, VirtualArm
+from bha.experiments.virtual_arm import Schedule, VirtualArm, VirtualBody, VirtualSensors
 
-__all__ = ["Body", "Claim", "Laboratory", "Outcome", "Schedule", "Sensors", "Table", "VirtualArm"]
+__all__ = ["Claim", "Laboratory", "Outcome", "Schedule", "Table", "VirtualArm", "VirtualBody", "VirtualSensors"]

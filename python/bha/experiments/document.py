@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bha.experiments.outcome import Outcome, Table
-from bha.experiments.virtual_arm import Body, Sensors
+from bha.experiments.virtual_arm import VirtualBody, VirtualSensors
 from bha.plot import write_figure
 from bha.support.files import make_folder, written_whole
 
@@ -21,7 +21,7 @@ def write_figures(outcome: Outcome, folder: Path) -> list[Path]:
     return [write_figure(figure, folder / f"{stem}.png") for stem, (figure, _) in outcome.figures.items()]
 
 
-def write_document(outcomes: Sequence[Outcome], folder: Path, body: Body, sensors: Sensors) -> Path:
+def write_document(outcomes: Sequence[Outcome], folder: Path, body: VirtualBody, sensors: VirtualSensors) -> Path:
     """Write ``experiments.md`` and its figures into ``folder``; returns the document's path."""
     for outcome in outcomes:
         write_figures(outcome, folder / "figures")
@@ -31,7 +31,7 @@ def write_document(outcomes: Sequence[Outcome], folder: Path, body: Body, sensor
     return path
 
 
-def document(outcomes: Sequence[Outcome], body: Body, sensors: Sensors) -> str:
+def document(outcomes: Sequence[Outcome], body: VirtualBody, sensors: VirtualSensors) -> str:
     """The document's text."""
     held = sum(claim.holds for outcome in outcomes for claim in outcome.claims)
     total = sum(len(outcome.claims) for outcome in outcomes)

@@ -31,7 +31,7 @@ SAMPLING = 1e-3
 
 
 @dataclass(frozen=True)
-class Body:
+class VirtualBody:
     """In what the virtual arm differs from the lumped model.
 
     Attributes:
@@ -50,7 +50,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Sensors:
+class VirtualSensors:
     """Draw-wire and pressure sensors, and the valves. Noise is normal; values are rounded to the quantum.
 
     Attributes:
@@ -100,7 +100,7 @@ class VirtualArm:
     """The arm under measurement; its sensors' noise comes from ``seed`` and the number of the measurement."""
 
     def __init__(
-        self, design: Arm, body: Body | None = None, sensors: Sensors | None = None, *, seed: int = 2015
+        self, design: Arm, body: VirtualBody | None = None, sensors: VirtualSensors | None = None, *, seed: int = 2015
     ) -> None:
         """Build the arm that somebody made after the ``design``.
 
@@ -108,8 +108,8 @@ class VirtualArm:
             InputError: the design has no bellows_outer_radius, or ``body`` has a value that is not allowed.
         """
         self.design = design
-        self.body = body or Body()
-        self.sensors = sensors or Sensors()
+        self.body = body or VirtualBody()
+        self.sensors = sensors or VirtualSensors()
         self.seed = seed
         if not 0.0 < self.body.plate_share <= 1.0:
             raise InputError(f"plate_share: {self.body.plate_share}; a number above 0 and not above 1 is needed")

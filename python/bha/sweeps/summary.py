@@ -18,7 +18,7 @@ from bha.sweeps.partitions import numbers, partition_path, partitions_in, read_p
 
 
 @dataclass
-class Moments:
+class RunningMoments:
     """Count, mean, standard deviation and range of the finite numbers among those added.
 
     Added in pieces by the update of Chan, Golub and LeVeque (Algorithms for computing the sample variance, 1983).
@@ -73,7 +73,7 @@ class Summary:
     partitions: int
     finished: int
     statuses: dict[str, int]
-    metrics: dict[str, tuple[str, Moments]] = field(default_factory=dict)
+    metrics: dict[str, tuple[str, RunningMoments]] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
@@ -115,7 +115,7 @@ def summarize(out: str | os.PathLike[str]) -> Summary:
     folder = Path(out)
     found = manifest(folder)
     names = found.spec.metrics
-    metrics = {name: (found.columns[name].unit, Moments()) for name in names}
+    metrics = {name: (found.columns[name].unit, RunningMoments()) for name in names}
     statuses = dict.fromkeys(STATUSES, 0)
     finished = partitions_in(folder)
     for partition in finished:
