@@ -11,13 +11,16 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Set
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
 import bha
+from bha.sweeps.partitions import CHECKSUM, FINGERPRINT, PARTITION
 
 PACKAGE = Path(bha.__file__).parent
 MAP = PACKAGE.parents[1] / "CONTRIBUTING.md"
@@ -35,6 +38,7 @@ def rooms() -> dict[str, set[str] | None]:
     }
 
 
+@cache
 def modules() -> dict[str, Path]:
     """Every module of the package by name; a package is its ``__init__``, the core its stub."""
     found = {}
@@ -44,9 +48,14 @@ def modules() -> dict[str, Path]:
     return found
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imports(path: Path, known: Set[str]) -> Iterator[str]:
     """Modules of the package that a file imports, wherever in it."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -63,6 +72,7 @@ def imports_of_the_core() -> set[str]:
     return {name for path in sources for name in re.findall(r'import\(py, "(bha\.[\w.]+)"', path.read_text("utf-8"))}
 
 
+@cache
 def arrows() -> dict[str, set[str]]:
     """Module -> those it imports."""
     found = modules()
@@ -136,12 +146,43 @@ def test_no_name_hides_a_module() -> None:
             assert isinstance(getattr(importlib.import_module(package), last), ModuleType), name
 
 
+def texts() -> Iterator[tuple[str, str]]:
+    """Documents and docstrings, by where they stand."""
+    root = PACKAGE.parents[1]
+    for document in (root / "README.md", root / "CONTRIBUTING.md", *sorted((root / "docs").rglob("*.md"))):
+        yield document.name, document.read_text(encoding="utf-8")
+    for name, path in modules().items():
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                yield name, ast.get_docstring(node) or ""
+
+
+def is_there(name: str) -> bool:
+    """Whether a dotted name is that of a module, of something in one, or of a file's metadata."""
+    if name in (FINGERPRINT, PARTITION, CHECKSUM):
+        return True
+    found: Any = bha
+    path, *rest = name.split(".")
+    for step in rest:
+        path = f"{path}.{step}"
+        if not hasattr(found, step) and path not in modules():
+            return False
+        found = getattr(found, step) if hasattr(found, step) else importlib.import_module(path)
+    return True
+
+
+def test_what_documents_and_docstrings_name_is_there() -> None:
+    named = {(name, where) for where, text in texts() for name in re.findall(r"\bbha(?:\.[A-Za-z_]\w*)+", text)}
+    assert len(named) > 100
+    assert not [f"{where}: {name}" for name, where in sorted(named) if not is_there(name)]
+
+
 def test_examples_need_public_names_only() -> None:
     """What a package of ``bha`` lists in ``__all__``."""
     examples = sorted((PACKAGE.parents[1] / "examples").glob("*.py"))
     assert examples
     for path in examples:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] == "bha":
                 assert str(node.module).count(".") <= 1, f"{path.name} imports {node.module}"
                 public = importlib.import_module(str(node.module)).__all__
@@ -155,8 +196,7 @@ def test_verbs_are_there_and_imported_when_asked_for() -> None:
     """Type checkers see them where the interpreter imports them later."""
     assert all(hasattr(bha, name) for name in bha.__all__)
     assert set(bha.__all__) <= set(dir(bha))
-    tree = ast.parse(Path(bha.__file__).read_text(encoding="utf-8"))
-    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    (block,) = (node for node in tree(Path(bha.__file__)).body if isinstance(node, ast.If))
     for_types = {
         alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names
     }
