@@ -153,3 +153,42 @@ def test_other_clocks_stay_as_they_are(kind: str) -> None:
     assert np.array_equal(found, time)
     assert facts.tick == 0.0
     assert len(facts.gaps) == (kind == "gap")
+
+
+def test_a_single_small_spike_is_found_and_fast_motion_is_none() -> None:
+    rng = np.random.default_rng(12)
+    time = np.arange(2000) * 0.01
+    swing = 0.15 + 0.05 * np.sin(2.0 * np.pi * 3.5 * time)
+    values = swing + 2e-4 * rng.standard_normal(2000)
+    clean, _ = samples.judge(time, "q12", "m", values)
+    assert not clean.spikes
+    places = [101, 640, 1203, 1777]
+    values[places] += np.array([5e-3, -5e-3, 5e-3, -5e-3])
+    facts, usable = samples.judge(time, "q12", "m", values)
+    assert [round(100.0 * t) for t in facts.spikes] == places
+    assert np.flatnonzero(~usable).tolist() == places
+    # A wall stops an arm from one row to the next; it does not come back.
+    stopped = np.minimum(swing, 0.18) + 2e-4 * rng.standard_normal(2000)
+    assert not samples.judge(time, "q12", "m", stopped)[0].spikes
+    # Pressures have kinks, and slow logs overshoots of one reading.
+    assert not samples.judge(time, "p12", "Pa", 1e5 * values)[0].spikes
+    assert not samples.judge(time * 10.0, "q12", "m", values)[0].spikes
+
+
+def test_stamps_that_scatter_about_even_samples_are_mended_and_others_are_not() -> None:
+    rng = np.random.default_rng(13)
+    even = np.arange(1500) * 0.01
+    stamps = even + rng.uniform(-3e-3, 3e-3, 1500)
+
+    def measured(at: np.ndarray, noise: float) -> np.ndarray:
+        true = np.column_stack([0.15 + 0.05 * np.sin(2.0 * np.pi * f * at) for f in (0.7, 1.9)])
+        return true + noise * rng.standard_normal((1500, 2))
+
+    found, facts = clock.mended(stamps, measured(even, 2e-4))
+    assert np.max(np.abs(found - even)) < 3e-4
+    assert facts.scatter == pytest.approx(3e-3 / np.sqrt(3.0), rel=0.1)
+    # Samples that were taken when the stamps say; noise in which nobody can tell; even stamps; rows that are missing.
+    assert np.array_equal(clock.mended(stamps, measured(stamps, 2e-4))[0], stamps)
+    assert np.array_equal(clock.mended(stamps, measured(even, 2e-2))[0], stamps)
+    assert clock.mended(even, measured(even, 2e-4))[1].scatter == 0.0
+    assert clock.mended(np.delete(stamps, slice(300, 340)), measured(even, 2e-4)[:1460])[1].scatter == 0.0

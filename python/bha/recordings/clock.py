@@ -2,6 +2,11 @@
 
 A logger that samples evenly but stamps its rows with a timer of 15.6 ms (the usual one of Windows) writes times on the
 grid of that timer, several rows at one time. The rows themselves are even: their times follow from their number.
+
+Stamps may also scatter about even times, because whoever writes them is kept waiting, while the samples are even; or
+the samples scatter as their stamps say. What was measured tells: by the right times it is smoother. Each reading is
+predicted by the cubic through the two before and the two after it (Lagrange), once by the stamps and once by even
+times.
 """
 
 from __future__ import annotations
@@ -19,6 +24,11 @@ _FEWEST = 50
 _GRID_SHARE, _GRID_PART = 0.999, 0.02
 #: Rows are even if a straight line misses their stamps by no more than this many ticks: a stamp is off by one at most.
 _MOST_OFF = 1.05
+#: Stamps scatter if steps do by this share of their mean, and rows are none the fewer if none is further from its even
+#: time than this share of a step.
+_SCATTER, _FARTHEST = 0.03, 0.75
+#: Even times are right if by stamps readings are missed by this many times as much, in mean square.
+_SMOOTHER = 1.2
 #: Rows of outputs, or of commands alone, further apart than this, or a first row beyond this time, s, are doubted: the
 #: year 5138 by the clock of 1970.
 SLOW, SLOW_COMMANDS, FAR = 5.0, 300.0, 1e11
@@ -36,6 +46,7 @@ class ClockFacts:
         duration: from the first row to the last, s.
         tick: step of the timer that stamped evenly sampled rows, s; 0 where stamps are as fine as the rows.
         repeats: share of rows with the time of the row before, as the file has them.
+        scatter: standard deviation of stamps about the even times that were taken instead, s; 0 where none were.
         gaps: spans ``(from, to)``, s, without rows, ten times as long as usual or longer.
     """
 
@@ -45,20 +56,28 @@ class ClockFacts:
     tick: float
     repeats: float
     gaps: tuple[tuple[float, float], ...]
+    scatter: float = 0.0
 
 
-def mended(time: Array) -> tuple[Array, ClockFacts]:
-    """The times of the rows, s, shape (m,), with a coarse timer's grid taken out, and what was found."""
+def mended(time: Array, measured: Array | None = None) -> tuple[Array, ClockFacts]:
+    """The times of the rows, s, shape (m,), with what a timer did to them taken out, and what was found.
+
+    ``measured`` (m, C), NaN where missing, tells whether stamps that scatter are the times of the samples.
+    """
     repeats = float(np.mean(np.diff(time) <= 0.0)) if len(time) > 1 else 0.0
     tick = _tick(time)
     if tick > 0.0:
         time = _even(time, tick)
+    scatter = 0.0
+    if tick == 0.0 and measured is not None and (even := _smoother(time, measured)) is not None:
+        scatter = float(np.std(time - even))
+        time = even
     steps = np.diff(time)
     forward = steps[steps > 0.0]
     interval = float(np.median(forward)) if len(forward) else 0.0
     wide = np.flatnonzero(steps > _GAP * interval) if interval > 0.0 else np.empty(0, dtype=np.intp)
     gaps = tuple((float(time[k]), float(time[k + 1])) for k in wide)
-    return time, ClockFacts(len(time), interval, float(time[-1] - time[0]), tick, repeats, gaps)
+    return time, ClockFacts(len(time), interval, float(time[-1] - time[0]), tick, repeats, gaps, scatter)
 
 
 def later(time: Array) -> NDArray[np.bool_]:
@@ -102,3 +121,35 @@ def _even(time: Array, tick: float) -> Array:
     slope, offset = np.polyfit(row, time, 1)
     # A stamp is late by between nothing and one tick, half a tick in the mean.
     return np.asarray(offset + 0.5 * tick + slope * row)
+
+
+def _smoother(time: Array, measured: Array) -> Array | None:
+    """Even times of rows whose stamps scatter, where what was measured is smoother by them; else None."""
+    steps = np.diff(time)
+    if len(time) < _FEWEST or np.min(steps) <= 0.0:
+        return None
+    mean = float((time[-1] - time[0]) / len(steps))
+    even: Array = np.polyval(np.polyfit(np.arange(len(time)), time, 1), np.arange(len(time))).astype(np.float64)
+    if float(np.std(steps)) < _SCATTER * mean or float(np.max(np.abs(time - even))) > _FARTHEST * mean:
+        return None
+    ratios = []
+    for column in measured.T:
+        if np.all(np.isfinite(column)) and np.any(np.diff(column)):
+            by_even = _missed(even, column)
+            ratios.append(_missed(time, column) / by_even if by_even > 0.0 else 1.0)
+    return even if ratios and float(np.exp(np.mean(np.log(np.maximum(ratios, 1e-9))))) > _SMOOTHER else None
+
+
+def _missed(time: Array, values: Array) -> float:
+    """Mean square by which readings are missed by cubics through their neighbours, in units of white noise."""
+    at = time[2:-2]
+    near = [(time[k : len(time) - 4 + k], values[k : len(time) - 4 + k]) for k in (0, 1, 3, 4)]
+    predicted, gain = np.zeros(len(at)), np.ones(len(at))
+    for j, (own, value) in enumerate(near):
+        weight = np.ones(len(at))
+        for k, (other, _) in enumerate(near):
+            if k != j:
+                weight = weight * (at - other) / (own - other)
+        predicted += weight * value
+        gain += weight**2
+    return float(np.mean((values[2:-2] - predicted) ** 2 / gain))

@@ -154,8 +154,9 @@ def with_quiet_noise(fact: ChannelFacts, readings: Array) -> ChannelFacts:
 
     What moves and is taken for noise would shake the model at every reading; what a curve misses is left open instead.
     """
-    quiet = max(quiet_noise(readings), fact.quantum / np.sqrt(12.0))
-    return replace(fact, noise=quiet) if quiet < QUIET_SHARE * fact.noise else fact
+    quiet = quiet_noise(readings)
+    # On a coarse grid differences are steps of it or nothing.
+    return replace(fact, noise=quiet) if fact.quantum < quiet < QUIET_SHARE * fact.noise else fact
 
 
 def _readings(time: Array, column: Array, fact: ChannelFacts, usable: Mask) -> tuple[Array, Array]:

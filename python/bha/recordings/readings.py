@@ -45,12 +45,12 @@ class Readings:
         self.arm = arm
         self.log = log.with_ambient_pressure(arm.parameters.ambient_pressure)
         self.name = name or (log.path.name if log.path is not None else "<arrays>")
-        self.time, self.clock = clock.mended(self.log.time)
         self._read_outputs()
         self._read_pressures(pressures)
 
     def _read_outputs(self) -> None:
         self.observation, self.measured, self._said = observe(self.arm, self.log, self.name)
+        self.time, self.clock = clock.mended(self.log.time, self.measured)
         judged = [samples.judge(self.time, o.name, o.unit, self.measured[:, k]) for k, o in enumerate(self.outputs)]
         self.facts: tuple[ChannelFacts, ...] = tuple(fact for fact, _ in judged)
         self.usable: Mask = np.column_stack([m for _, m in judged]) if judged else np.empty(self.measured.shape, bool)

@@ -125,6 +125,9 @@ class Recording(Readings):
         if self.clock.tick > 0.0:
             tick = f"{1e3 * self.clock.tick:.3g} ms"
             said.append(f"rows were stamped by a timer of {tick}; they are taken as even, {_rate(self.clock)}")
+        if self.clock.scatter > 0.0:
+            scatter = f"{1e3 * self.clock.scatter:.2g} ms (standard deviation)"
+            said.append(f"stamps of rows scatter by {scatter}; they are smoother as even ones, {_rate(self.clock)}")
         if self._stairs is not None and self._stairs.act:
             said.append(self._stairs.in_words())
         curve = "the curve between its readings drives"

@@ -6,7 +6,8 @@ away and comes back within a few rows shows something else than the arm (a marke
 
 Which repeats come from holding and which from a coarse grid is told by the large changes: a value that has moved by
 many grid steps has done so in one row only if the rows before were held.
-Limits: spikes of at most three readings; no dropouts of channels so coarse that they stand still whenever the arm does.
+Limits: spikes of at most three readings, small ones of one; no dropouts of channels so coarse that they stand still
+whenever the arm does.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ QUIET = 1e-6
 SPIKE_READINGS, SPIKE_CHANGES, SPIKE_NOISES = 3, 8.0, 12.0
 #: Least spike as a share of all that the channel travels: a smaller one does no harm.
 SPIKE_TRAVEL = 0.05
+#: Of a channel that renews at least every so many seconds a single reading that comes home again is a spike already if
+#: the cubic through its four neighbours misses it by this many of the typical misses nearby and this many noises.
+LONE_INTERVAL, LONE_MISSES, LONE_NOISES = 0.025, 12.0, 12.0
 #: Share of the log that may be spikes; more is no spike but how the channel is.
 MOST_SPIKES = 0.02
 #: A sensor that holds its reading does so for no longer than this, usually, s.
@@ -133,7 +137,13 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
         lost[first:last] = True
     readings = readings[~lost[readings]]
     noise = white_noise(given[readings]) if len(readings) >= FEWEST_FRESH else 0.0
-    spikes = _spikes(given[readings], max(noise, step / np.sqrt(12.0))) if measured else np.empty(0, dtype=np.intp)
+    spikes = np.empty(0, dtype=np.intp)
+    if measured:
+        least = max(noise, step / np.sqrt(12.0))
+        spikes = _spikes(given[readings], least)
+        if unit != "Pa":
+            # What has mass has no kinks; a valve makes them.
+            spikes = np.union1d(spikes, _lone_spikes(at[readings], given[readings], least))
     spike_rows = readings[spikes]
     good = np.zeros(len(given), dtype=np.bool_)
     good[readings] = True
@@ -233,3 +243,34 @@ def _spikes(values: Array, noise: float) -> NDArray[np.intp]:
                 found[k + 1 : back + 1] = True
                 break
     return np.flatnonzero(found) if np.mean(found) <= MOST_SPIKES else np.empty(0, dtype=np.intp)
+
+
+def _lone_spikes(time: Array, values: Array, noise: float) -> NDArray[np.intp]:
+    """Places of single readings that lie off their neighbours, which go on as if nothing had been.
+
+    No arm is away and home again from one reading to the next but one, where readings are dense; in slow logs a single
+    overshoot may be one.
+    """
+    count = len(values)
+    if count < FEWEST_FRESH or float(np.median(np.diff(time))) > LONE_INTERVAL:
+        return np.empty(0, dtype=np.intp)
+    # The cubic through the two before and the two after; of white noise it misses by sqrt(70) / 6 standard deviations.
+    missed = np.zeros(count)
+    missed[2:-2] = values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
+    size = np.abs(missed)
+    block = 20
+    blocks = -(-count // block)
+    padded = np.pad(size, (0, blocks * block - count), mode="edge").reshape(blocks, block)
+    typical = np.median(padded, axis=1)
+    around = np.maximum(typical, np.maximum(np.roll(typical, 1), np.roll(typical, -1)))
+    least = np.maximum(LONE_MISSES * np.repeat(around, block)[:count], LONE_NOISES * np.sqrt(70.0) / 6.0 * noise)
+    found = size > least
+    if noise <= 0.0 or not np.any(found):
+        return np.empty(0, dtype=np.intp)
+    inner = np.flatnonzero(found)
+    step = np.diff(values)
+    # Home again: from the reading before to the one after it goes on as it did and does.
+    going_on = step[inner - 2] + step[inner + 1]
+    home = np.abs(values[inner + 1] - values[inner - 1] - going_on) < 0.4 * size[inner]
+    places = inner[home]
+    return places if len(places) <= MOST_SPIKES * count else np.empty(0, dtype=np.intp)
