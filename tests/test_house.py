@@ -196,7 +196,7 @@ def test_verbs_are_there_and_imported_when_asked_for() -> None:
     """Type checkers see them where the interpreter imports them later."""
     assert all(hasattr(bha, name) for name in bha.__all__)
     assert set(bha.__all__) <= set(dir(bha))
-    (block,) = (node for node in tree(Path(bha.__file__)).body if isinstance(node, ast.If))
+    block, _ = (node for node in tree(Path(bha.__file__)).body if isinstance(node, ast.If))
     for_types = {
         alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names
     }

@@ -94,12 +94,14 @@ _LATER = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """A name of ``_LATER``, once; it is kept as if it had been imported above."""
-    if name not in _LATER:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = value = getattr(importlib.import_module(_LATER[name]), name)
-    return value
+if not TYPE_CHECKING:  # a checker knows all names, and that there are no others
+
+    def __getattr__(name: str) -> Any:
+        """A name of ``_LATER``, once; it is kept as if it had been imported above."""
+        if name not in _LATER:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value = getattr(importlib.import_module(_LATER[name]), name)
+        return value
 
 
 def __dir__() -> list[str]:
