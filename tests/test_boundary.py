@@ -64,7 +64,7 @@ def _simulated(drive: bha.Input, **options: Any) -> Any:
 def _closed(reference: Any) -> Any:
     stepper = Stepper(ARM, 1e-3)
     stepper.reset(P)
-    return _core.closed_loop(stepper, _controller(), reference, 1e-3)[0]
+    return _core.closed_loop(stepper, _controller(), reference, 1e-3).lengths
 
 
 def _virtual() -> _core.VirtualArm:
@@ -74,7 +74,7 @@ def _virtual() -> _core.VirtualArm:
 def _virtual_run(**changed: Any) -> Any:
     core = _virtual()
     values = {
-        "times": np.array([0.0, 0.01]),
+        "time": np.array([0.0, 0.01]),
         "pressures": np.vstack([P, P]),
         "forces": None,
         "output_times": np.array([0.0, 0.005]),
@@ -82,7 +82,9 @@ def _virtual_run(**changed: Any) -> Any:
         "qd": np.zeros(N),
         "creep": np.zeros(core.creep_states),
     }
-    return core.run(**(values | changed), step=1e-3)
+    values |= changed
+    drive = _core.Input(values.pop("time"), values.pop("pressures"), values.pop("forces"))
+    return core.run(drive, **values, step=1e-3).lengths
 
 
 def _doors() -> Iterator[Door]:
@@ -132,7 +134,7 @@ def _doors() -> Iterator[Door]:
             {"lengths": Q, "pressures": P, "target": np.vstack([Q, QD, QD])},
         ),
         "rest_near": (
-            lambda **a: _core.rest_near(ARM, **a),
+            lambda **a: _core.rest_near(ARM, **a).lengths,
             {"q": Q, "low": LOW, "high": HIGH, "preferred": P},
         ),
         "resolved_motion": (
@@ -160,7 +162,7 @@ def _doors() -> Iterator[Door]:
             if good is not None:
                 yield Door(call, name, good, lambda x, f=function, a=arguments, n=name: f(**{**a, n: x}))
     for name, good in {
-        "times": [0.0, 0.01],
+        "time": [0.0, 0.01],
         "pressures": [P, P],
         "output_times": [0.0, 0.005],
         "q": Q,

@@ -100,11 +100,12 @@ def test_the_same_with_every_instruction_set(name: str, instruction_set: str) ->
     )
     differences = [difference_arms(arm.parameters, path, arm.with_parameters) for path in SOME_PARAMETERS]
     scalar = _core.Differentiator(arm, differences, "scalar")
-    abreast = _core.Differentiator(arm, differences, instruction_set)
+    in_lanes = _core.Differentiator(arm, differences, instruction_set)
     rng = np.random.default_rng(4)
     for q, qd, p in states(arm, 2):
         f_ext = rng.uniform(-1.0, 1.0, (arm.section_count, 3))
-        for found, expected in zip(abreast(q, qd, p, f_ext), scalar(q, qd, p, f_ext), strict=True):
+        lanes, alone = in_lanes(q, qd, p, f_ext), scalar(q, qd, p, f_ext)
+        for found, expected in ((lanes.acceleration, alone.acceleration), (lanes.rows, alone.rows)):
             size = np.abs(expected).max(axis=-1, keepdims=True)
             assert (np.abs(found - expected) <= 1e-12 * size).all()
 

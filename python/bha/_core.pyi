@@ -12,14 +12,24 @@ from bha.errors import BhaError, SimulationError
 
 __all__ = [
     "Arm",
+    "BatchRows",
     "Controller",
+    "Differentiated",
     "Differentiator",
     "DynamicsTerms",
     "Energy",
     "Fleet",
+    "Input",
+    "LoopRows",
+    "Rest",
+    "SensitivityRows",
     "Simulation",
+    "SimulationRows",
+    "StepCounts",
+    "StepPlan",
     "Stepper",
     "VirtualArm",
+    "VirtualRows",
     "__version__",
     "check_options",
     "closed_loop",
@@ -129,15 +139,54 @@ class Energy:
     def total(self) -> float: ...
 
 @final
-class Simulation:
+class Input:
     def __new__(
         cls,
-        arm: Arm,
-        times: ArrayLike,
+        time: ArrayLike,
         pressures: ArrayLike,
         forces: ArrayLike | None = None,
         *,
         interpolation: str = "linear",
+        name: str = "",
+    ) -> Self: ...
+
+@final
+class SimulationRows:
+    @property
+    def lengths(self) -> NDArray[np.float64]: ...
+    @property
+    def velocities(self) -> NDArray[np.float64]: ...
+    @property
+    def pressures(self) -> NDArray[np.float64]: ...
+    @property
+    def head_positions(self) -> NDArray[np.float64]: ...
+    @property
+    def head_orientations(self) -> NDArray[np.float64]: ...
+    @property
+    def measured_lengths(self) -> NDArray[np.float64] | None: ...
+    @property
+    def measured_head_positions(self) -> NDArray[np.float64] | None: ...
+    @property
+    def measured_head_orientations(self) -> NDArray[np.float64] | None: ...
+    @property
+    def failure(self) -> SimulationError | None: ...
+
+@final
+class StepCounts:
+    @property
+    def steps(self) -> int: ...
+    @property
+    def rejected_steps(self) -> int: ...
+    @property
+    def evaluations(self) -> int: ...
+
+@final
+class Simulation:
+    def __new__(
+        cls,
+        arm: Arm,
+        drive: Input,
+        *,
         method: str = "auto",
         step: float = 1e-3,
         rtol: float = 1e-6,
@@ -149,11 +198,25 @@ class Simulation:
         q: ArrayLike | None = None,
         qd: ArrayLike | None = None,
     ) -> Self: ...
-    def advance(self, times: ArrayLike) -> tuple[dict[str, NDArray[np.float64]], SimulationError | None]: ...
+    def advance(self, times: ArrayLike) -> SimulationRows: ...
     @property
     def method(self) -> str: ...
     @property
-    def statistics(self) -> tuple[int, int, int]: ...
+    def statistics(self) -> StepCounts: ...
+
+@final
+class Differentiated:
+    @property
+    def acceleration(self) -> NDArray[np.float64]: ...
+    @property
+    def rows(self) -> NDArray[np.float64]: ...
+
+@final
+class SensitivityRows:
+    @property
+    def states(self) -> NDArray[np.float64]: ...
+    @property
+    def derivatives(self) -> NDArray[np.float64]: ...
 
 @final
 class Differentiator:
@@ -163,15 +226,11 @@ class Differentiator:
         differences: Sequence[tuple[Sequence[Arm], Sequence[float]]] = ...,
         instruction_set: str | None = None,
     ) -> Self: ...
-    def __call__(
-        self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def __call__(self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None) -> Differentiated: ...
 
 def sensitivities(
     arm: Arm,
-    times: ArrayLike,
-    pressures: ArrayLike,
-    forces: ArrayLike | None,
+    drive: Input,
     output_times: ArrayLike,
     start: float,
     state: ArrayLike,
@@ -179,13 +238,12 @@ def sensitivities(
     parameter_of: Sequence[int | None],
     directions: ArrayLike,
     *,
-    interpolation: str = "linear",
     method: str = "auto",
     step: float = 1e-3,
     rtol: float = 1e-6,
     atol: float = 1e-8,
     max_steps: int | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+) -> SensitivityRows: ...
 def check_options(
     method: str,
     step: float,
@@ -249,6 +307,25 @@ class Controller:
     @property
     def observer_substeps(self) -> int: ...
 
+@final
+class LoopRows:
+    @property
+    def lengths(self) -> NDArray[np.float64]: ...
+    @property
+    def velocities(self) -> NDArray[np.float64]: ...
+    @property
+    def pressures(self) -> NDArray[np.float64]: ...
+    @property
+    def commands(self) -> NDArray[np.float64]: ...
+    @property
+    def estimated_velocities(self) -> NDArray[np.float64]: ...
+    @property
+    def at_limit(self) -> NDArray[np.int8]: ...
+    @property
+    def head_positions(self) -> NDArray[np.float64]: ...
+    @property
+    def failure(self) -> BhaError | None: ...
+
 def closed_loop(
     stepper: Stepper,
     controller: Controller | Callable[[float, NDArray[np.float64]], ArrayLike],
@@ -259,22 +336,25 @@ def closed_loop(
     pressure_noise: float = 0.0,
     seed: int | None = None,
     decimation: int | None = None,
-) -> tuple[
-    NDArray[np.float64],
-    NDArray[np.float64],
-    NDArray[np.float64],
-    NDArray[np.float64],
-    NDArray[np.float64],
-    NDArray[np.int8],
-    NDArray[np.float64],
-    SimulationError | None,
-]: ...
-def plan_steps(
-    arm: Arm, pressures: ArrayLike, method: str | None, step: float | None, usual: float
-) -> tuple[str, float]: ...
-def rest_near(
-    arm: Arm, q: ArrayLike, low: ArrayLike, high: ArrayLike, preferred: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+) -> LoopRows: ...
+
+@final
+class StepPlan:
+    @property
+    def method(self) -> str: ...
+    @property
+    def step(self) -> float: ...
+
+def plan_steps(arm: Arm, pressures: ArrayLike, method: str | None, step: float | None, usual: float) -> StepPlan: ...
+
+@final
+class Rest:
+    @property
+    def pressures(self) -> NDArray[np.float64]: ...
+    @property
+    def lengths(self) -> NDArray[np.float64]: ...
+
+def rest_near(arm: Arm, q: ArrayLike, low: ArrayLike, high: ArrayLike, preferred: ArrayLike) -> Rest: ...
 def resolved_motion(
     arm: Arm,
     positions: ArrayLike,
@@ -288,15 +368,30 @@ def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def linear_quadratic_gain(a: ArrayLike, b: ArrayLike, q: ArrayLike, r: ArrayLike) -> NDArray[np.float64]: ...
+
+@final
+class BatchRows:
+    @property
+    def lengths(self) -> NDArray[np.float64]: ...
+    @property
+    def velocities(self) -> NDArray[np.float64] | None: ...
+    @property
+    def head_positions(self) -> NDArray[np.float64] | None: ...
+    @property
+    def head_orientations(self) -> NDArray[np.float64] | None: ...
+    @property
+    def failures(self) -> list[BhaError | None]: ...
+    @property
+    def statistics(self) -> NDArray[np.uint64]: ...
+
 def simulate_batch(
     arms: Sequence[Arm],
-    inputs: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | None]],
+    inputs: Sequence[Input],
     times: Sequence[ArrayLike],
     members: Sequence[tuple[int, int, int]],
     start: ArrayLike,
     state: ArrayLike | None = None,
     *,
-    interpolation: Sequence[str] | None = None,
     method: str = "auto",
     step: float = 1e-3,
     rtol: float = 1e-6,
@@ -312,14 +407,16 @@ def simulate_batch(
     threads: int = 0,
     instruction_set: str | None = None,
     progress: Callable[[float], None] | None = None,
-) -> tuple[
-    NDArray[np.float64],
-    NDArray[np.float64] | None,
-    NDArray[np.float64] | None,
-    NDArray[np.float64] | None,
-    list[BhaError | None],
-    NDArray[np.uint64],
-]: ...
+) -> BatchRows: ...
+
+@final
+class VirtualRows:
+    @property
+    def lengths(self) -> NDArray[np.float64]: ...
+    @property
+    def velocities(self) -> NDArray[np.float64]: ...
+    @property
+    def creep(self) -> NDArray[np.float64]: ...
 
 @final
 class VirtualArm:
@@ -334,15 +431,13 @@ class VirtualArm:
     def rest(self, p: ArrayLike, f_ext: ArrayLike | None = None) -> NDArray[np.float64]: ...
     def run(
         self,
-        times: ArrayLike,
-        pressures: ArrayLike,
-        forces: ArrayLike | None,
+        drive: Input,
         output_times: ArrayLike,
         q: ArrayLike,
         qd: ArrayLike,
         creep: ArrayLike,
         step: float,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+    ) -> VirtualRows: ...
     def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...
 
 def read_table(

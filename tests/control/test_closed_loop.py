@@ -168,7 +168,8 @@ def test_noise_has_the_deviation_asked_for() -> None:
         seen.append(y)
         return p0
 
-    p0, q0 = _core.rest_near(ARM, START, *limits())
+    rest = _core.rest_near(ARM, START, *limits())
+    p0, q0 = rest.pressures, rest.lengths
     simulate_closed_loop(ARM, controller, hold(q0, 2.0), sensors=Sensors(2e-4, 150.0), q0=q0, p0=p0)
     y = np.array(seen)
     assert np.std(y[:, :9] - q0, axis=0) == pytest.approx(2e-4, rel=0.1)
@@ -235,7 +236,8 @@ def test_linearization_against_differences() -> None:
 
 def test_regulator_against_scipy() -> None:
     linalg = pytest.importorskip("scipy.linalg")
-    p, q = _core.rest_near(ARM, START, *limits())
+    rest = _core.rest_near(ARM, START, *limits())
+    p, q = rest.pressures, rest.lengths
     a, b = _core.linearize(ARM, q, np.zeros(9), p, 1e-3)
     c, d = _core.linearize(ARM, q, np.zeros(9), p)
     block = np.zeros((27, 27))
@@ -280,7 +282,8 @@ def test_shared_inputs_and_four_bellows() -> None:
     """Four chambers on three inputs a section: a rank-deficient actuation, held at rest all the same."""
     arm = bha.robots.load("asu_two_section")
     found = Limits.of(arm)
-    p, q = _core.rest_near(arm, np.full(6, 0.09), found.low, found.high, found.preferred)
+    rest = _core.rest_near(arm, np.full(6, 0.09), found.low, found.high, found.preferred)
+    p, q = rest.pressures, rest.lengths
     run = simulate_closed_loop(arm, FeedbackLinearization(arm), hold(q, 0.5))
     assert np.all(p >= found.low - 1e-6)
     assert np.all(p <= found.high + 1e-6)

@@ -157,7 +157,7 @@ def test_the_radius_suits_the_arm() -> None:
     assert np.hypot(*circle.tip_positions[:, :2].T) == pytest.approx(radius)
     # Weaker pressures, a smaller circle.
     middle = (limits.low + limits.high) / 2
-    p, _ = bha._core.rest_near(NOMINAL, (limits.shortest + limits.longest) / 2, limits.low, limits.high, middle)
+    p = bha._core.rest_near(NOMINAL, (limits.shortest + limits.longest) / 2, limits.low, limits.high, middle).pressures
     weak = Limits(p - 1.5e4, p + 1.5e4, p, limits.shortest, limits.longest)
     assert comfortable_radius(NOMINAL, height - 0.05, weak) < 0.7 * radius
     with pytest.raises(InputError, match="has 6 lengths"):

@@ -165,7 +165,7 @@ def test_a_step_limit_is_an_error_that_says_so() -> None:
     ("arguments", "text"),
     [
         ({"pressures": np.zeros((2, 5))}, r"pressures: expected shape \(any, 6\), found \[2, 5\]"),
-        ({"times": [0.0, np.nan]}, "times: element 1 is NaN"),
+        ({"times": [0.0, np.nan]}, "time: element 1 is NaN"),
         ({"times": [1.0, 0.0]}, "backwards from 1 to 0 s at sample 1"),
         ({"times": [0.0, 1.0, 2.0]}, "pressures: 12 values; 3 samples of 6"),
         ({"q": np.zeros(5)}, r"q: expected shape \(6,\), found \[5\]"),
@@ -181,8 +181,9 @@ def test_a_step_limit_is_an_error_that_says_so() -> None:
 def test_wrong_arguments(arguments: dict[str, object], text: str) -> None:
     given: dict[str, object] = {"times": [0.0, 1.0], "pressures": np.vstack([REST, REST]), **arguments}
     positional = (given.pop("times"), given.pop("pressures"))
+    held = {name: given.pop(name) for name in ("forces", "interpolation") if name in given}
     with pytest.raises(bha.InputError, match=text):
-        bha._core.Simulation(ARM, *positional, **given)  # type: ignore[arg-type]
+        bha._core.Simulation(ARM, bha._core.Input(*positional, **held), **given)  # type: ignore[arg-type]
 
 
 def test_times_must_ascend() -> None:

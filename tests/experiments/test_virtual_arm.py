@@ -27,11 +27,11 @@ def test_all_mass_in_the_head_plates_is_the_lumped_model(force_model: bha.parame
     forces = 3.0 * np.cos(5.0 * time[:, None] + np.arange(9))
     start = arm.static_lengths(pressures[0], forces[0].reshape(3, 3))
     np.testing.assert_allclose(twin.rest(pressures[0], forces[0].reshape(3, 3)), start, atol=1e-10)
-    lengths, velocities, _ = twin.run(time, pressures, forces, time, start, np.zeros(9), [], 1e-3)
+    run = twin.run(_core.Input(time, pressures, forces), time, start, np.zeros(9), [], 1e-3)
     lumped = bha.simulate(arm, bha.Input(time, pressures, forces.reshape(-1, 3, 3)), q0=start, method="rk4", step=1e-3)
-    assert np.ptp(lengths, axis=0).max() > 0.02
-    np.testing.assert_allclose(lengths, lumped.lengths, atol=1e-11)
-    np.testing.assert_allclose(velocities, lumped.velocities, atol=1e-9)
+    assert np.ptp(run.lengths, axis=0).max() > 0.02
+    np.testing.assert_allclose(run.lengths, lumped.lengths, atol=1e-11)
+    np.testing.assert_allclose(run.velocities, lumped.velocities, atol=1e-9)
 
 
 def test_mass_is_conserved_and_moves_inwards() -> None:
@@ -87,5 +87,5 @@ def test_wrong_bodies_are_refused() -> None:
         VirtualArm(DESIGN, VirtualBody(slices=0))
     core = _core.VirtualArm(DESIGN.parameters.to_core_json(), [NOTHING] * 3, [])
     with pytest.raises(InputError, match=r"expected shape \(any, 9\)"):
-        core.run([0.0, 1.0], np.ones((2, 8)), None, [0.0], np.full(9, 0.2), np.zeros(9), [], 1e-3)
+        core.run(_core.Input([0.0, 1.0], np.ones((2, 8))), [0.0], np.full(9, 0.2), np.zeros(9), [], 1e-3)
     assert thin_disc(2.0, 0.5) == (0.125, 0.125, 0.25)

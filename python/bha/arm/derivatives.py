@@ -98,10 +98,10 @@ def differentiator(
     n, m = 3 * len(parameters.sections), len(parameters.inputs)
 
     def derivatives(q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None) -> Derivatives:
-        acceleration, rows = core(q, qd, p, f_ext)
-        columns = rows.T
+        found = core(q, qd, p, f_ext)
+        columns = found.rows.T
         return Derivatives(
-            acceleration=acceleration,
+            acceleration=found.acceleration,
             by_lengths=columns[:, :n],
             by_velocities=columns[:, n : 2 * n],
             by_pressures=columns[:, 2 * n : 2 * n + m],

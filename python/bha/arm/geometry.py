@@ -66,9 +66,9 @@ def wire_row(parameters: ArmParameters, sensor: LengthSensorParameters) -> Array
     return row
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraFrame:
-    """A frame in which heads are measured.
+    """A frame in which heads are measured. Equal to itself alone.
 
     Attributes:
         matrix: its axes as columns in the base frame, shape (3, 3): orthogonal; of determinant -1 where it is mirrored.

@@ -244,7 +244,8 @@ class LinearQuadraticRegulator(Controller):
         limits = self.limits or Limits.of(self.arm)
         middle = (limits.shortest + limits.longest) / 2
         pose = middle if self.pose is None else np.asarray(self.pose, dtype=np.float64)
-        p, q = _core.rest_near(self.arm, pose, limits.low, limits.high, limits.preferred)
+        rest = _core.rest_near(self.arm, pose, limits.low, limits.high, limits.preferred)
+        p, q = rest.pressures, rest.lengths
         # In units of the scales, so that the Riccati equation sees numbers of like size.
         a, b = _core.linearize(self.arm, q, np.zeros_like(q), p, self.period or period)
         scale = np.repeat([self.length_scale, self.rate_scale], len(q))

@@ -132,10 +132,10 @@ def simulate_closed_loop(
     stepper = Stepper(plant, step)
     if p0 is None:
         limits = Limits.of(plant)
-        p0, rest = _core.rest_near(plant, reference.lengths[0], limits.low, limits.high, limits.preferred)
-        q0 = rest if q0 is None else q0
+        rest = _core.rest_near(plant, reference.lengths[0], limits.low, limits.high, limits.preferred)
+        p0, q0 = rest.pressures, rest.lengths if q0 is None else q0
     stepper.reset(p0, q0)
-    lengths, velocities, pressures, commands, estimated, at_limit, heads, failure = _core.closed_loop(
+    found = _core.closed_loop(
         stepper,
         controller.build(reference.period) if isinstance(controller, Controller) else controller,
         reference.rows(),
@@ -145,22 +145,22 @@ def simulate_closed_loop(
         seed=sensors.seed,
         decimation=decimation,
     )
-    rows = len(lengths)
+    rows, failure = len(found.lengths), found.failure
     wanted = reference.lengths[::decimation][:rows]
     run = ClosedLoopRun(
         trajectory=Trajectory(
             time=reference.time[::decimation][:rows],
-            lengths=lengths,
-            velocities=velocities,
-            pressures=pressures,
-            head_positions=heads.reshape(rows, plant.section_count, 3),
+            lengths=found.lengths,
+            velocities=found.velocities,
+            pressures=found.pressures,
+            head_positions=found.head_positions.reshape(rows, plant.section_count, 3),
             input_names=plant.inputs,
             arm_name=plant.name,
             virtual_lengths=not plant.parameters.has_standard_bellows,
         ),
-        commands=commands,
-        estimated_velocities=estimated,
-        at_limit=at_limit,
+        commands=found.commands,
+        estimated_velocities=found.estimated_velocities,
+        at_limit=found.at_limit,
         reference=reference,
         reference_heads=_heads(plant, wanted),
         decimation=decimation,

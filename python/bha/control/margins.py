@@ -154,7 +154,8 @@ def linear_loop(
     limits = controller.limits or Limits.of(controller.arm)
     middle = (limits.shortest + limits.longest) / 2
     target = middle if pose is None else np.asarray(pose, dtype=np.float64)
-    p, q = _core.rest_near(arm, target, limits.low, limits.high, limits.preferred)
+    rest = _core.rest_near(arm, target, limits.low, limits.high, limits.preferred)
+    p, q = rest.pressures, rest.lengths
     m, inputs = len(q), len(p)
     model = WorkingPoint.at(controller.model(), q, p)
     if frequencies is None:

@@ -94,7 +94,7 @@ def there_and_back(arm: Arm, *, period: float = 1e-3) -> Reference:
     fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
     # From where the arm can rest to where it can rest: nearest to a bend that is meant for any arm.
     start, end = (
-        _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred)[1]
+        _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred).lengths
         for lengths in (middle - 0.1 * half, middle + (bend - 0.1) * half)
     )
     there = point_to_point(start, end, period=period, **fast)

@@ -227,9 +227,10 @@ def comfortable_radius(arm: Arm, height: float, limits: Limits) -> float:
 def _hold(arm: Arm, lengths: Floats, limits: Limits) -> tuple[Floats, Floats] | None:
     """Pressures within the limits that hold lengths best, and where the arm then rests; None if nowhere."""
     try:
-        return _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred)
+        rest = _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred)
     except BhaError:
         return None
+    return rest.pressures, rest.lengths
 
 
 def _needed(arm: Arm, reference: Reference, row: int) -> Floats:

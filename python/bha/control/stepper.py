@@ -27,7 +27,7 @@ def stable_step(arm: Arm, p: ArrayLike | None = None) -> float:
     Ambient pressures if ``p`` is None. With pneumatics at most the 2 ms that these allow.
     """
     p = np.full(len(arm.inputs), arm.parameters.ambient_pressure) if p is None else floats(p, "p", (len(arm.inputs),))
-    return _core.plan_steps(arm, p[None], "rk4", None, float("inf"))[1]
+    return _core.plan_steps(arm, p[None], "rk4", None, float("inf")).step
 
 
 def plan_steps(
@@ -54,7 +54,8 @@ def plan_steps(
     corners = [found.low, found.high, (found.low + found.high) / 2]
     alone = np.eye(len(arm.inputs), dtype=bool)
     rows = [*corners, *np.where(alone, found.high, found.low), *np.where(alone, found.low, found.high)]
-    return _core.plan_steps(arm, np.array(rows), method, step, usual)
+    plan = _core.plan_steps(arm, np.array(rows), method, step, usual)
+    return plan.method, plan.step
 
 
 class Stepper(_core.Stepper):

@@ -197,7 +197,7 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
             noise = record.pressure_errors(rng)
             if record.pressure_taps is not None:
                 noise = filtered(noise, record.pressure_taps)
-            jobs.append(replace(job, pressures=record.pressures + noise))
+            jobs.append(replace(job, drive=record.driven_by(record.pressures + noise)))
     outputs = iter(problem.engine.run(jobs))
     result: list[list[Array]] = []
     for record, y in zip(records, fit.outputs, strict=True):

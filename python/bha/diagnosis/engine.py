@@ -31,7 +31,7 @@ class Job:
         arm: the arm as the core's JSON.
         record: the log that drives it.
         state: lengths and rates at its first compared row, shape (6n,).
-        pressures: other pressures than the record's, Pa, or None.
+        drive: what drives the arm in place of the record, or None.
         rows: only that many of its compared rows; all if None.
         finer: the engine's steps are divided by this.
         camera: the frame in which heads are seen; that of the record's outputs if None.
@@ -40,7 +40,7 @@ class Job:
     arm: str
     record: Record
     state: Array
-    pressures: Array | None = None
+    drive: _core.Input | None = None
     rows: int | None = None
     finer: int = 1
     camera: CameraFrame | None = None
@@ -91,9 +91,9 @@ class Engine:
     def run(self, jobs: Sequence[Job], *, coarse: bool = False) -> list[Array]:
         """Outputs of every job, shape (rows, channels), m."""
         step = self.coarse if coarse else self.step
-        groups: dict[tuple[int, int, int], list[int]] = {}
+        groups: dict[tuple[Record, int, int], list[int]] = {}
         for k, job in enumerate(jobs):
-            groups.setdefault((id(job.record), job.rows or len(job.record.rows), job.finer), []).append(k)
+            groups.setdefault((job.record, job.rows or len(job.record.rows), job.finer), []).append(k)
         results: list[Array] = [np.empty(0)] * len(jobs)
         for (_, rows, finer), members in groups.items():
             size = max(1, CHUNK_NUMBERS // (rows * 6 * len(jobs[members[0]].state)))
@@ -118,32 +118,33 @@ class Engine:
             except BhaError:
                 continue  # parameters without a model: no run, NaN
             arms[text] = len(built) - 1
-        forces = None if record.forces is None else record.forces.reshape(len(record.time), -1)
-        drives: dict[int, int] = {}
-        inputs: list[tuple[Array, Array, Array | None]] = []
+        drives: dict[_core.Input, int] = {}
         for job in jobs:
-            if id(job.pressures) not in drives:
-                drives[id(job.pressures)] = len(inputs)
-                inputs.append((record.time, record.pressures if job.pressures is None else job.pressures, forces))
-        live = [job for job in jobs if job.arm in arms and np.all(np.isfinite(job.state))]
+            drives.setdefault(job.drive or record.drive, len(drives))
+        live = [k for k, job in enumerate(jobs) if job.arm in arms and np.all(np.isfinite(job.state))]
         nothing = np.full((rows, len(record.channels)), np.nan)
         if not live:
             return [nothing] * len(jobs)
         observation = record.observation
         # Jobs that differ in what they are seen by are one simulation.
         runs: dict[tuple[int, int, bytes], int] = {}
-        own = [
-            runs.setdefault((arms[job.arm], drives[id(job.pressures)], job.state.tobytes()), len(runs)) for job in live
-        ]
-        firsts = [own.index(k) for k in range(len(runs))]
+        states: list[Array] = []
+        own: dict[int, int] = {}
+        for k in live:
+            job = jobs[k]
+            run = (arms[job.arm], drives[job.drive or record.drive], job.state.tobytes())
+            if run not in runs:
+                runs[run] = len(runs)
+                states.append(job.state)
+            own[k] = runs[run]
         for share in self.shares:
-            lengths, _, heads, *_ = _core.simulate_batch(
+            found = _core.simulate_batch(
                 built,
-                inputs,
+                list(drives),
                 [times],
                 [(arm, drive, 0) for arm, drive, _ in runs],
                 np.full(len(runs), times[0]),
-                np.ascontiguousarray([live[k].state for k in firsts]),
+                np.ascontiguousarray(states),
                 method=self.method,
                 step=share * step,
                 velocities=False,
@@ -151,14 +152,16 @@ class Engine:
                 measured=True,
                 threads=self.threads,
             )
-            if np.all(np.isfinite(lengths[:, -1])):
+            if np.all(np.isfinite(found.lengths[:, -1])):
                 break
+        lengths, heads = found.lengths, found.head_positions
         positions = None if heads is None else heads.reshape(*lengths.shape[:2], -1, 3)
-        found: dict[int, Array] = {}
-        for camera in {id(job.camera): job.camera for job in live}.values():
-            mine = [k for k, job in enumerate(live) if job.camera is camera]
+        results = [nothing] * len(jobs)
+        for camera in dict.fromkeys(jobs[k].camera for k in live):
+            mine = [k for k in live if jobs[k].camera is camera]
             rows_of = [own[k] for k in mine]
             seen = observation.seen_by(camera)
             outputs = seen.predicted(lengths[rows_of], None if positions is None else positions[rows_of])
-            found |= {id(live[k]): y for k, y in zip(mine, np.ascontiguousarray(outputs), strict=True)}
-        return [found.get(id(job), nothing) for job in jobs]
+            for k, y in zip(mine, np.ascontiguousarray(outputs), strict=True):
+                results[k] = y
+        return results

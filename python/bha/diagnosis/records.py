@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bha import _core
 from bha.errors import InputError
 from bha.recordings import ChannelFacts, Observation
 
@@ -33,9 +35,9 @@ LEAST_NOISE_SHARE = 3e-4
 REST_TRAVEL, REST_TIME, REST_SHARE = 5e-3, 1.0, 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Record:
-    """One log, ready for comparison with simulations.
+    """One log, ready for comparison with simulations. Equal to itself alone: what belongs to a log can be kept by it.
 
     Attributes:
         name: file name, or a number where the log has no file.
@@ -66,6 +68,16 @@ class Record:
     thinning: int = 1
     pressure_taps: Array | None = None
     doubts: tuple[Doubt, ...] = ()
+
+    @cached_property
+    def drive(self) -> _core.Input:
+        """What drives an arm as it did the log's, made once."""
+        return self.driven_by(self.pressures)
+
+    def driven_by(self, pressures: Array) -> _core.Input:
+        """The same with other pressures, Pa absolute, shape (m, inputs)."""
+        forces = None if self.forces is None else self.forces.reshape(len(self.time), -1)
+        return _core.Input(self.time, pressures, forces)
 
     @property
     def channels(self) -> tuple[str, ...]:

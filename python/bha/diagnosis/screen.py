@@ -164,7 +164,7 @@ def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, An
     for effect in effects:
         if effect["kind"] in ON_PRESSURES:
             runs = zip(problem.records, fit.states, acting, strict=True)
-            jobs += [Job(plain, r, s, next(p), camera=camera) for r, s, p in runs]
+            jobs += [Job(plain, r, s, r.driven_by(next(p)), camera=camera) for r, s, p in runs]
         else:
             text = json.dumps(with_effect_tables(core, [effect]))
             jobs += problem.jobs(fit.model, fit.x, fit.states, text)

@@ -149,8 +149,8 @@ class VirtualArm:
             forces = np.column_stack([np.interp(time, schedule.time, values) for values in flat.T])
         start = self._core.rest(pressures[0], None if forces is None else forces[0].reshape(-1, 3))
         still, relaxed = np.zeros_like(start), np.zeros(self._core.creep_states)
-        lengths, _, _ = self._core.run(time, pressures, forces, time, start, still, relaxed, step)
-        return self.read_sensors(time, pressures, lengths, number)
+        run = self._core.run(_core.Input(time, pressures, forces), time, start, still, relaxed, step)
+        return self.read_sensors(time, pressures, run.lengths, number)
 
     def chamber_pressures(self, schedule: Schedule, time: Array) -> Array:
         """Pressures in the bellows: first-order lag behind the commanded ones, Pa absolute, shape (m, inputs)."""

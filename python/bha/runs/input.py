@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bha import _core
 from bha.arrays import floats
 from bha.errors import InputError
 
@@ -42,6 +43,24 @@ class Input:
     def force_rows(self) -> NDArray[np.float64] | None:
         """The forces with one row a sample, N, shape (m, 3n), or None."""
         return None if self.forces is None else np.reshape(self.forces, (len(self.time), -1))
+
+    def in_core(self, interpolation: Interpolation | None = None, name: str = "") -> _core.Input:
+        """The core's own copy as it is now, to be made once and passed as often as wanted.
+
+        Args:
+            interpolation: what holds between two samples, in place of what the input says.
+            name: what goes before the names of the arrays in errors.
+
+        Raises:
+            InputError: sizes that do not fit, times that run backwards, values that are not allowed.
+        """
+        return _core.Input(
+            self.time,
+            self.pressures,
+            self.force_rows,
+            interpolation=interpolation or self.interpolation,
+            name=name,
+        )
 
     @classmethod
     def constant(cls, pressures: ArrayLike, duration: float) -> Input:

@@ -47,10 +47,7 @@ class Simulation:
         self.arm = arm
         self._core = _core.Simulation(
             arm if drive.commanded else arm.with_changes(pneumatics="ideal"),
-            drive.time,
-            drive.pressures,
-            drive.force_rows,
-            interpolation=options.interpolation or drive.interpolation,
+            drive.in_core(options.interpolation),
             method=options.method,
             step=options.step,
             rtol=options.rtol,
@@ -77,21 +74,28 @@ class Simulation:
                 until then.
         """
         times = floats(times, "times", (None,))
-        arrays, failure = self._core.advance(times)
-        before, self._counts = self._counts, self._core.statistics
+        rows, counts = self._core.advance(times), self._core.statistics
+        before, self._counts = self._counts, (counts.steps, counts.rejected_steps, counts.evaluations)
         names = ("steps", "rejected_steps", "evaluations")
         trajectory = Trajectory(
-            time=times[: len(arrays["lengths"])],
-            **arrays,
+            time=times[: len(rows.lengths)],
+            lengths=rows.lengths,
+            velocities=rows.velocities,
+            pressures=rows.pressures,
+            head_positions=rows.head_positions,
+            head_orientations=rows.head_orientations,
+            measured_lengths=rows.measured_lengths,
+            measured_head_positions=rows.measured_head_positions,
+            measured_head_orientations=rows.measured_head_orientations,
             input_names=self.arm.inputs,
             statistics={n: a - b for n, a, b in zip(names, self._counts, before, strict=True)},
             arm_name=self.arm.name,
             virtual_lengths=not self.arm.parameters.has_standard_bellows,
             sensors=self.arm.parameters.sensors,
         )
-        if failure is not None:
-            failure.trajectory = trajectory
-            raise failure
+        if rows.failure is not None:
+            rows.failure.trajectory = trajectory
+            raise rows.failure
         return trajectory
 
     def run(self, times: NDArray[np.float64], chunk_rows: int = CHUNK_ROWS) -> Iterator[Trajectory]:

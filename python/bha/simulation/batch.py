@@ -168,14 +168,13 @@ def simulate_batch(
     columns = unique_arms[0].section_count * each
     check_room(float(count) * max(map(len, time_sets)), 8 * columns, "rows of members; fewer at a time are needed.")
 
-    lengths, rates, heads, orientations, failures, statistics = _core.simulate_batch(
+    out = _core.simulate_batch(
         unique_arms,
-        [(d.time, d.pressures, d.force_rows) for d in drives],
+        [drive.in_core(interpolation, f"inputs[{k}].") for k, drive in enumerate(drives)],
         time_sets,
         [(arm_index[k], input_index[k], k if len(time_sets) > 1 else 0) for k in range(count)],
         starts,
         state,
-        interpolation=[interpolation or d.interpolation for d in drives],
         method=options.method,
         step=options.step,
         rtol=options.rtol,
@@ -190,13 +189,14 @@ def simulate_batch(
         instruction_set=instruction_set,
         progress=progress,
     )
+    heads, orientations = out.head_positions, out.head_orientations
     return Batch(
-        time=rows[..., : lengths.shape[1]],
-        lengths=lengths,
-        velocities=rates,
+        time=rows[..., : out.lengths.shape[1]],
+        lengths=out.lengths,
+        velocities=out.velocities,
         head_positions=None if heads is None else heads.reshape(*heads.shape[:2], -1, 3),
-        failures=tuple(failures),
-        statistics=statistics,
+        failures=tuple(out.failures),
+        statistics=out.statistics,
         head_orientations=None if orientations is None else orientations.reshape(*orientations.shape[:2], -1, 4),
     )
 

@@ -82,23 +82,20 @@ def sensitivities(
         by_parameters = floats(x0_by_parameters, "x0_by_parameters", by_parameters.shape)
     initial = size if initial_state else 0
     seeds = np.vstack([np.eye(size)[:initial], by_parameters.T])
-    states, rows = _core.sensitivities(
+    found = _core.sensitivities(
         arm,
-        source.time,
-        source.pressures,
-        source.force_rows,
+        source.in_core(options.interpolation),
         time,
         float(source.time[0]) if start is None else float(start),
         x0,
         [difference_arms(arm.parameters, path, arm.with_parameters) for path in names],
         [None] * initial + list(range(len(names))),
         seeds,
-        interpolation=options.interpolation or source.interpolation,
         method=options.method,
         step=options.step,
         rtol=options.rtol,
         atol=options.atol,
         max_steps=options.max_steps,
     )
-    columns = np.moveaxis(rows, 0, -1)
-    return Sensitivities(time, states, columns[..., :initial], columns[..., initial:], names)
+    columns = np.moveaxis(found.derivatives, 0, -1)
+    return Sensitivities(time, found.states, columns[..., :initial], columns[..., initial:], names)

@@ -105,6 +105,11 @@ impl Input {
         self.force_count > 0
     }
 
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.times.len()
+    }
+
     /// Number of pressure channels.
     pub fn pressure_count(&self) -> usize {
         self.pressure_count

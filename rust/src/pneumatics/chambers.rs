@@ -1,7 +1,8 @@
 //! The chambers of an arm from step to step: hidden states of the plant.
 
-use super::inputs::{Drive, Fill, Input, Place, Read};
+use super::inputs::{Fill, Place, Read};
 use super::lag::lagged;
+use super::substep::{Drive, Input};
 use super::{LONGEST_STEP, Pneumatics, SUBSTEP, chamber};
 use crate::body::Body;
 use crate::body::parameters::PneumaticsLevel;

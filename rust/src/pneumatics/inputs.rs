@@ -4,33 +4,9 @@
 //! many of them as the scalar can pack are advanced at once ([`crate::real::SideBySide`]). The last place of a pack repeats
 //! the last input where the inputs do not fill it.
 
-use super::substep::substep;
+use super::substep::{Drive, Input, substep};
 use super::{Chambers, Pneumatics, chamber};
 use crate::real::{Packing, Real, SideBySide};
-
-/// State of one input's pneumatics.
-#[derive(Clone, Copy, Debug)]
-pub struct Input<T> {
-    /// `full`: mass of air, kg. `lag`: pressure, Pa.
-    pub content: T,
-    /// Spool position.
-    pub spool: T,
-    /// Integral of the controller, Pa/s.
-    pub integral: T,
-}
-
-/// What drives an input over a step: straight lines from its start.
-#[derive(Clone, Copy, Debug)]
-pub struct Drive<T> {
-    /// Commanded pressure at the start, Pa.
-    pub reference: T,
-    /// Its rate, Pa/s.
-    pub reference_rate: T,
-    /// Volume at the start, m^3.
-    pub volume: T,
-    /// Its rate, m^3/s.
-    pub volume_rate: T,
-}
 
 /// A moment within a step of the arm.
 #[derive(Clone, Copy, Debug)]

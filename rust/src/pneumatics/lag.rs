@@ -1,7 +1,7 @@
 //! A first-order lag with one time constant for filling and another for venting.
 
 use super::Pneumatics;
-use super::inputs::Drive;
+use super::substep::Drive;
 use crate::real::Real;
 
 /// The lagged pressure after `elapsed` under a reference that moves evenly: exact, also where it meets the reference, from

@@ -3,9 +3,32 @@
 //! Source: Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Over any scalar; the pressure goes along
 //! from sub-step to sub-step ([`chamber::pressure_from`]), from a fresh one at the start of each step.
 
-use super::inputs::{Drive, Input};
 use super::{Pneumatics, chamber, controller, valve};
 use crate::real::Real;
+
+/// State of one input's pneumatics.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<T> {
+    /// `full`: mass of air, kg. `lag`: pressure, Pa.
+    pub content: T,
+    /// Spool position.
+    pub spool: T,
+    /// Integral of the controller, Pa/s.
+    pub integral: T,
+}
+
+/// What drives an input over a step: straight lines from its start.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive<T> {
+    /// Commanded pressure at the start, Pa.
+    pub reference: T,
+    /// Its rate, Pa/s.
+    pub reference_rate: T,
+    /// Volume at the start, m^3.
+    pub volume: T,
+    /// Its rate, m^3/s.
+    pub volume_rate: T,
+}
 
 /// Stiff derivatives of the right-hand side; that of the spool by itself is -1 / T_s.
 struct Stiff<T> {

@@ -1,7 +1,7 @@
 //! Stability, accuracy and conservation of the sub-steps, alone and with the arm.
 
-use super::inputs::{Drive, Input};
 use super::lag::lagged;
+use super::substep::{Drive, Input};
 use super::testing::{nominal, parameters};
 use super::*;
 use crate::arm::Arm;

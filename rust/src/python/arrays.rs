@@ -134,16 +134,6 @@ pub fn pressures(value: &Bound<'_, PyAny>, name: &str, length: usize) -> PyResul
     absolute(value.py(), name, vector(value, name, length)?)
 }
 
-/// Rows of absolute pressures.
-pub fn pressure_rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
-    absolute(value.py(), name, rows(value, name, columns)?)
-}
-
-/// Rows of external forces and how many columns they have; nothing and none where there are none.
-pub fn force_rows(value: Option<&Bound<'_, PyAny>>, name: &str, columns: usize) -> PyResult<(Vec<f64>, usize)> {
-    value.map_or(Ok((Vec::new(), 0)), |f| Ok((rows(f, name, columns)?, columns)))
-}
-
 /// A small vector out, copied.
 pub fn small<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
     PyArray1::from_slice(py, values)

@@ -1,37 +1,46 @@
 //! The function `simulate_batch`.
 
 use super::arm::PyArm;
-use super::arrays::{any_vector, force_rows, matrix, pressure_rows, shaped, vector};
+use super::arrays::{any_vector, matrix, shaped, vector};
 use super::errors::{failure, input, to_python};
-use super::simulation::{interpolation_by_name, options};
+use super::input::PyInput;
+use super::simulation::options;
 use crate::error::Error;
-use crate::plant::input::{Input, Interpolation};
 use crate::real::lanes::InstructionSet;
 use crate::run::batch::{Batch, Channels, Member};
-use numpy::{PyArray2, PyArray3};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use std::sync::Arc;
 
-type Blocks<'py> = Bound<'py, PyArray3<f64>>;
-/// Sample times, pressures, forces.
-type Samples<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
+/// Rows of a batch, those of member k at index k; NaN where a member has none.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct BatchRows {
+    /// Lengths (members, rows, 3n), m.
+    lengths: Py<PyArray3<f64>>,
+    /// Rates (members, rows, 3n), m/s, if wanted.
+    velocities: Option<Py<PyArray3<f64>>>,
+    /// Origins of the heads (members, rows, 3n), m, if wanted.
+    head_positions: Option<Py<PyArray3<f64>>>,
+    /// Their orientations, unit quaternions (members, rows, 4n), if wanted.
+    head_orientations: Option<Py<PyArray3<f64>>>,
+    /// What ended each member early, or None.
+    failures: Vec<Option<Py<PyAny>>>,
+    /// Steps, rejected steps and evaluations (members, 3).
+    statistics: Py<PyArray2<u64>>,
+}
 
-/// The `k`th of `arms`, `inputs` and `times` as `members[k]` = (arm, input, times) say, from `start[k]` and `state[k]` on.
-///
-/// Returns (lengths, velocities or None, head positions or None, head orientations or None, failures, statistics); see
-/// `bha.simulate_batch`.
+/// The `k`th of `arms`, `inputs` and `times` as `members[k]` = (arm, input, times) say, from `start[k]` and `state[k]` on;
+/// see `bha.simulate_batch`.
 #[pyfunction]
-#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, interpolation = None, method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, head_orientations = false, measured = false, shared_steps = false, threads = 0, instruction_set = None, progress = None))]
-#[allow(clippy::too_many_arguments, clippy::type_complexity)]
-pub fn simulate_batch<'py>(
-    py: Python<'py>,
-    arms: Vec<Bound<'py, PyArm>>,
-    inputs: Vec<Samples<'py>>,
-    times: Vec<Bound<'py, PyAny>>,
+#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, head_orientations = false, measured = false, shared_steps = false, threads = 0, instruction_set = None, progress = None))]
+#[allow(clippy::too_many_arguments)]
+pub fn simulate_batch(
+    py: Python<'_>,
+    arms: Vec<Bound<'_, PyArm>>,
+    inputs: Vec<Bound<'_, PyInput>>,
+    times: Vec<Bound<'_, PyAny>>,
     members: Vec<(usize, usize, usize)>,
-    start: &Bound<'py, PyAny>,
-    state: Option<&Bound<'py, PyAny>>,
-    interpolation: Option<Vec<String>>,
+    start: &Bound<'_, PyAny>,
+    state: Option<&Bound<'_, PyAny>>,
     method: &str,
     step: f64,
     rtol: f64,
@@ -46,36 +55,13 @@ pub fn simulate_batch<'py>(
     shared_steps: bool,
     threads: usize,
     instruction_set: Option<&str>,
-    progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(
-    Blocks<'py>,
-    Option<Blocks<'py>>,
-    Option<Blocks<'py>>,
-    Option<Blocks<'py>>,
-    Vec<Option<Py<PyAny>>>,
-    Bound<'py, PyArray2<u64>>,
-)> {
-    // Straight lines between the samples of all inputs unless each says what holds there.
-    let interpolation = match interpolation {
-        Some(names) if names.len() != inputs.len() => {
-            let text = format!("interpolation: {} names; {} inputs need one each", names.len(), inputs.len());
-            return Err(input(py, text));
-        }
-        Some(names) => names.iter().map(|name| interpolation_by_name(py, name)).collect::<PyResult<_>>()?,
-        None => vec![Interpolation::Linear; inputs.len()],
-    };
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<BatchRows> {
     let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
     let arms: Vec<_> = arms.iter().map(|a| a.get().arm.clone()).collect();
     let Some(first) = arms.first() else { return Err(input(py, "arms: none; at least one is needed".to_owned())) };
-    let (columns, pressure_count) = (first.coordinates(), first.body.inputs);
-    let read = |(k, (time, pressures, forces)): (usize, &Samples<'py>)| -> PyResult<Arc<Input>> {
-        let time = any_vector(time, &format!("inputs[{k}].time"))?;
-        let pressures = pressure_rows(pressures, &format!("inputs[{k}].pressures"), pressure_count)?;
-        let forces = force_rows(forces.as_ref(), &format!("inputs[{k}].forces"), columns)?;
-        let built = Input::new(time, (pressures, pressure_count), forces, interpolation[k]);
-        Ok(Arc::new(built.map_err(|e| to_python(py, &e))?))
-    };
-    let inputs = inputs.iter().enumerate().map(read).collect::<PyResult<Vec<_>>>()?;
+    let columns = first.coordinates();
+    let inputs = inputs.iter().map(|input| input.get().of(py, first)).collect::<PyResult<Vec<_>>>()?;
     let times =
         times.iter().enumerate().map(|(k, t)| any_vector(t, &format!("times[{k}]"))).collect::<PyResult<Vec<_>>>()?;
     let start = vector(start, "start", members.len())?;
@@ -117,17 +103,18 @@ pub fn simulate_batch<'py>(
     }
     let out = outcome.map_err(|e| to_python(py, &e))?;
     let shape = [count, out.rows, columns];
-    let optional = |wanted: bool, values, shape| if wanted { shaped(py, values, shape).map(Some) } else { Ok(None) };
+    let block = |values, shape| shaped(py, values, shape).map(Bound::unbind);
+    let optional = |wanted: bool, values, shape| wanted.then(|| block(values, shape)).transpose();
     let failed = |e: &Option<Error>| e.as_ref().map(|e| failure(py, e)).transpose();
     let counts = out.statistics.iter().flat_map(|s| [s.steps, s.rejected_steps, s.evaluations]).collect::<Vec<_>>();
-    Ok((
-        shaped(py, out.lengths, shape)?,
-        optional(velocities, out.velocities, shape)?,
-        optional(head_positions, out.head_positions, shape)?,
-        optional(head_orientations, out.head_orientations, [count, out.rows, columns / 3 * 4])?,
-        out.failures.iter().map(failed).collect::<PyResult<_>>()?,
-        numpy::PyArrayMethods::reshape(&numpy::IntoPyArray::into_pyarray(counts, py), [count, 3])?,
-    ))
+    Ok(BatchRows {
+        lengths: block(out.lengths, shape)?,
+        velocities: optional(velocities, out.velocities, shape)?,
+        head_positions: optional(head_positions, out.head_positions, shape)?,
+        head_orientations: optional(head_orientations, out.head_orientations, [count, out.rows, columns / 3 * 4])?,
+        failures: out.failures.iter().map(failed).collect::<PyResult<_>>()?,
+        statistics: counts.into_pyarray(py).reshape([count, 3])?.unbind(),
+    })
 }
 
 /// By the user's name; the widest one that this processor has if none.

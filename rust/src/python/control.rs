@@ -1,20 +1,18 @@
 //! The class `Controller`, and the functions of control.
 
 use super::arm::PyArm;
-use super::arrays::{absolute, any_matrix, finite, matrix, pressures, rows, shaped, small, vector, whole};
-use super::errors::{failure, input, to_python};
+use super::arrays::{absolute, any_matrix, finite, matrix, pressures, rows, shaped, small, vector};
+use super::errors::{input, to_python};
 use super::signals::{Shared, Signals};
-use super::stepping::PyStepper;
 use crate::control::riccati::regulator_gain;
 use crate::control::task_space::{ResolvedMotion, Tip};
 use crate::control::{Controller, ControllerParameters, Limits, Target, linearization, rest};
 use crate::error::Error;
 use crate::memory::reserved;
 use crate::real::linear::Vec3;
-use crate::run::closed_loop::{self as core_loop, Exchange, Reference, Sensors};
 use crate::run::watch::left_behind;
 use nalgebra::DMatrix;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use std::sync::atomic::AtomicBool;
 
@@ -24,9 +22,9 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 /// A controller of the core.
 #[pyclass(name = "Controller", module = "bha._core", frozen)]
 pub struct PyController {
-    controller: Shared<Controller>,
-    coordinates: usize,
-    inputs: usize,
+    pub(super) controller: Shared<Controller>,
+    pub(super) coordinates: usize,
+    pub(super) inputs: usize,
 }
 
 #[pymethods]
@@ -97,108 +95,6 @@ impl PyController {
     }
 }
 
-/// Runs a closed loop from the stepper's present state over the rows of `reference` (k, 9n), one a period.
-///
-/// `controller` is a `Controller` of the core or a callable (t, y) -> p with y = measured lengths, then pressures. Returns
-/// (lengths, velocities, pressures, commands, estimated velocities, at_limit, head positions, failure).
-#[pyfunction]
-#[pyo3(signature = (stepper, controller, reference, period, *, length_noise = 0.0, pressure_noise = 0.0, seed = None, decimation = None))]
-#[allow(clippy::too_many_arguments, clippy::type_complexity)]
-pub fn closed_loop<'py>(
-    stepper: &Bound<'py, PyStepper>,
-    controller: &Bound<'py, PyAny>,
-    reference: &Bound<'py, PyAny>,
-    period: f64,
-    length_noise: f64,
-    pressure_noise: f64,
-    seed: Option<&Bound<'py, PyAny>>,
-    decimation: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(
-    Matrix<'py>,
-    Matrix<'py>,
-    Matrix<'py>,
-    Matrix<'py>,
-    Matrix<'py>,
-    Bound<'py, PyArray2<i8>>,
-    Matrix<'py>,
-    Option<Py<PyAny>>,
-)> {
-    let py = stepper.py();
-    let stepper = stepper.get();
-    let (m, inputs) = (stepper.coordinates, stepper.inputs);
-    for (name, value) in [("length_noise", length_noise), ("pressure_noise", pressure_noise)] {
-        if !(value.is_finite() && value >= 0.0) {
-            return Err(input(py, format!("{name}: {value}; a number not below zero is needed")));
-        }
-    }
-    if !(period.is_finite() && period > 0.0) {
-        return Err(input(py, format!("period: {period}; a positive number of seconds is needed")));
-    }
-    let seed = seed.map_or(Ok(0), |k| whole(k, "seed", (0, usize::MAX)))? as u64;
-    let decimation = decimation.map_or(Ok(1), |k| whole(k, "decimation", (1, usize::MAX)))?;
-    let reference = rows(reference, "reference", 3 * m)?;
-    let reference = Reference::new(reference, m).map_err(|e| to_python(py, &e))?;
-    let plan = (period, reference.len(), decimation);
-    let sensors = Sensors { length_noise, pressure_noise, seed };
-    let numbers = [reference.len() / decimation.max(1) + 1, 4 * m + 2 * inputs];
-    reserved("rows of the closed loop", &numbers).map_err(|e| to_python(py, &e))?;
-    let mut turn = stepper.stepper.turn(py)?;
-    let (plant, mut signals) = (&mut *turn, Signals::new());
-    let (out, result) = if let Ok(core) = controller.cast::<PyController>() {
-        let core = core.get();
-        if (core.coordinates, core.inputs) != (m, inputs) {
-            return Err(input(
-                py,
-                format!(
-                    "controller: made for {} lengths and {} inputs, the plant has {m} and {inputs}",
-                    core.coordinates, core.inputs
-                ),
-            ));
-        }
-        let mut turn = core.controller.turn(py)?;
-        let controller = &mut *turn;
-        let mut control = |x: Exchange<'_>| {
-            let (lengths, pressures) = x.measured.split_at(m);
-            controller.step(lengths, pressures, x.target, x.command)?;
-            x.estimated_velocities.copy_from_slice(controller.observer().rates());
-            x.at_limit.copy_from_slice(controller.at_limit());
-            Ok(())
-        };
-        py.detach(|| core_loop::run(plant, sensors, &reference, plan, &mut control, &mut || signals.stop()))
-    } else {
-        let (callable, mut raised) = (controller.clone().unbind(), None);
-        let mut control = |x: Exchange<'_>| {
-            let answer = Python::attach(|py| {
-                let p = callable.bind(py).call1((x.time, PyArray1::from_slice(py, x.measured)))?;
-                x.command.copy_from_slice(&pressures(&p, "controller(t, y)", inputs)?);
-                Ok(())
-            });
-            answer.map_err(|error: PyErr| {
-                raised = Some(error);
-                Error::Interrupted
-            })
-        };
-        let done = py.detach(|| core_loop::run(plant, sensors, &reference, plan, &mut control, &mut || signals.stop()));
-        if let Some(error) = raised {
-            return Err(error);
-        }
-        done
-    };
-    signals.result()?;
-    let failure = result.err().map(|e| failure(py, &e)).transpose()?;
-    let count = out.count;
-    Ok((
-        shaped(py, out.lengths, [count, m])?,
-        shaped(py, out.velocities, [count, m])?,
-        shaped(py, out.pressures, [count, inputs])?,
-        shaped(py, out.commands, [count, inputs])?,
-        shaped(py, out.estimated_velocities, [count, m])?,
-        out.at_limit.into_pyarray(py).reshape([count, inputs])?,
-        shaped(py, out.head_positions, [count, m])?,
-        failure,
-    ))
-}
-
 fn limits(
     inputs: usize,
     low: &Bound<'_, PyAny>,
@@ -212,15 +108,24 @@ fn limits(
     })
 }
 
-/// Pressures (inputs,) under which the arm rests nearest to lengths `q`, and the lengths (3n,) at which it then rests.
+/// A rest of an arm.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct Rest {
+    /// Pressures (inputs,), Pa absolute.
+    pressures: Py<PyArray1<f64>>,
+    /// Lengths (3n,), m.
+    lengths: Py<PyArray1<f64>>,
+}
+
+/// The rest under pressures within limits that is nearest to lengths `q`.
 #[pyfunction]
-pub fn rest_near<'py>(
-    arm: &Bound<'py, PyArm>,
-    q: &Bound<'py, PyAny>,
-    low: &Bound<'py, PyAny>,
-    high: &Bound<'py, PyAny>,
-    preferred: &Bound<'py, PyAny>,
-) -> PyResult<(Vector<'py>, Vector<'py>)> {
+pub fn rest_near(
+    arm: &Bound<'_, PyArm>,
+    q: &Bound<'_, PyAny>,
+    low: &Bound<'_, PyAny>,
+    high: &Bound<'_, PyAny>,
+    preferred: &Bound<'_, PyAny>,
+) -> PyResult<Rest> {
     let (py, arm) = (q.py(), &arm.get().arm);
     let q = vector(q, "q", arm.coordinates())?;
     let limits = limits(arm.body.inputs, low, high, preferred)?;
@@ -228,7 +133,7 @@ pub fn rest_near<'py>(
     let found = py.detach(|| rest::rest_near(arm, &q, &limits, &mut || signals.stop()));
     signals.result()?;
     let (p, q) = found.map_err(|e| to_python(py, &e))?;
-    Ok((small(py, &p), small(py, &q)))
+    Ok(Rest { pressures: small(py, &p).unbind(), lengths: small(py, &q).unbind() })
 }
 
 /// Lengths (k, 3n) for tip positions (k, 3) and, if given, directions (k, 3), one after the other from `start` (3n,) on.

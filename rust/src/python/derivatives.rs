@@ -1,24 +1,20 @@
 //! The classes behind `Arm.forward_dynamics_derivatives` and `bha.sensitivities`.
 
 use super::arm::PyArm;
-use super::arrays::{any_vector, finite, force_rows, matrix, pressure_rows, pressures, shaped, small, vector};
+use super::arrays::{any_vector, finite, matrix, pressures, shaped, small, vector};
 use super::batch::instruction_set_by_name;
 use super::errors::{input, to_python};
+use super::input::PyInput;
 use super::signals::Signals;
-use super::simulation::{interpolation_by_name, options};
+use super::simulation::options;
 use crate::arm::structure::tangent;
 use crate::dynamics::derivatives::{self, Point};
 use crate::memory::reserved;
-use crate::plant::input::Input;
 use crate::real::linear::Vec3;
 use crate::run::sensitivity::{Direction, Trajectory};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
-use std::sync::{Arc, Mutex};
-
-type Vector<'py> = Bound<'py, PyArray1<f64>>;
-type Matrix<'py> = Bound<'py, PyArray2<f64>>;
-type Cube<'py> = Bound<'py, PyArray3<f64>>;
+use std::sync::Mutex;
 
 /// Arms and weights whose sum is the derivative of the arm's numbers by one parameter.
 type Difference<'py> = (Vec<Bound<'py, PyArm>>, Vec<f64>);
@@ -31,6 +27,24 @@ fn tangents(py: Python<'_>, differences: &[Difference<'_>]) -> PyResult<Vec<Vec<
         tangent(&arms, weights).ok_or_else(different)
     };
     differences.iter().map(one).collect()
+}
+
+/// An acceleration and its derivatives.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct Differentiated {
+    /// q'' (3n,), m/s^2.
+    acceleration: Py<PyArray1<f64>>,
+    /// One row of 3n a direction: by q, q', p and the arm's parameters.
+    rows: Py<PyArray2<f64>>,
+}
+
+/// A trajectory and its derivatives.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct SensitivityRows {
+    /// Lengths and rates (rows, 6n).
+    states: Py<PyArray2<f64>>,
+    /// Their derivatives (directions, rows, 6n).
+    derivatives: Py<PyArray3<f64>>,
 }
 
 /// Takes derivatives of an arm's forward dynamics.
@@ -54,7 +68,7 @@ impl Differentiator {
         Ok(Self { inner, sections: arm.body.sections.len(), inputs: arm.body.inputs, tangents: tangents.len() })
     }
 
-    /// (q'', derivatives): one row of 3n a direction, by q, q', p and the arm's parameters.
+    /// The acceleration and its derivatives at one state.
     #[pyo3(signature = (q, qd, p, f_ext = None))]
     fn __call__<'py>(
         &self,
@@ -62,7 +76,7 @@ impl Differentiator {
         qd: &Bound<'py, PyAny>,
         p: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<(Vector<'py>, Matrix<'py>)> {
+    ) -> PyResult<Differentiated> {
         let (py, n) = (q.py(), 3 * self.sections);
         let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
         let p = pressures(p, "p", self.inputs)?;
@@ -73,43 +87,36 @@ impl Differentiator {
         let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; directions * n]);
         self.inner.lock().unwrap_or_else(std::sync::PoisonError::into_inner).run(at, &mut qdd, &mut out);
         let (qdd, out) = (finite(py, "acceleration", qdd)?, finite(py, "derivatives of the acceleration", out)?);
-        Ok((small(py, &qdd), shaped(py, out, [directions, n])?))
+        let rows = shaped(py, out, [directions, n])?.unbind();
+        Ok(Differentiated { acceleration: small(py, &qdd).unbind(), rows })
     }
 }
 
-/// (states, derivatives): of shape (rows, 6n) and (directions, rows, 6n); see `bha.sensitivities`.
+/// A trajectory under `drive` and its derivatives along some directions; see `bha.sensitivities`.
 #[pyfunction]
-#[pyo3(signature = (arm, times, pressures, forces, output_times, start, state, differences, parameter_of, directions, *, interpolation = "linear", method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, max_steps = None))]
+#[pyo3(signature = (arm, drive, output_times, start, state, differences, parameter_of, directions, *, method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, max_steps = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn sensitivities<'py>(
     arm: &Bound<'py, PyArm>,
-    times: &Bound<'py, PyAny>,
-    pressures: &Bound<'py, PyAny>,
-    forces: Option<&Bound<'py, PyAny>>,
+    drive: &Bound<'py, PyInput>,
     output_times: &Bound<'py, PyAny>,
     start: f64,
     state: &Bound<'py, PyAny>,
     differences: Vec<Difference<'py>>,
     parameter_of: Vec<Option<usize>>,
     directions: &Bound<'py, PyAny>,
-    interpolation: &str,
     method: &str,
     step: f64,
     rtol: f64,
     atol: f64,
     max_steps: Option<i64>,
-) -> PyResult<(Matrix<'py>, Cube<'py>)> {
+) -> PyResult<SensitivityRows> {
     let py = arm.py();
     let arm = arm.get().arm.clone();
-    let (columns, inputs) = (arm.coordinates(), arm.body.inputs);
-    let size = 2 * columns;
+    let size = 2 * arm.coordinates();
     let options = options(py, method, step, (rtol, atol), (1e-10, f64::INFINITY), max_steps)?;
-    let interpolation = interpolation_by_name(py, interpolation)?;
     let tangents = tangents(py, &differences)?;
-    let times = any_vector(times, "times")?;
-    let pressures = pressure_rows(pressures, "pressures", inputs)?;
-    let forces = force_rows(forces, "forces", columns)?;
-    let drive = Input::new(times, (pressures, inputs), forces, interpolation).map_err(|e| to_python(py, &e))?;
+    let drive = drive.get().of(py, &arm)?;
     let output_times = any_vector(output_times, "times")?;
     let state = vector(state, "x0", size)?;
     let seeds = matrix(directions, "derivatives of x0", (parameter_of.len(), size))?;
@@ -124,12 +131,15 @@ pub fn sensitivities<'py>(
     reserved("rows of the sensitivities", &numbers).map_err(|e| to_python(py, &e))?;
     let mut signals = Signals::new();
     let result = py.detach(|| {
-        let (arm, input) = (&*arm, &Arc::new(drive));
+        let (arm, input) = (&*arm, &drive);
         let trajectory = Trajectory { arm, input, options, start, state, times: output_times };
         trajectory.differentiate(&directions, &mut || signals.stop())
     });
     signals.result()?;
     let (values, out) = result.map_err(|e| to_python(py, &e))?;
     let rows = output_times.len();
-    Ok((shaped(py, values, [rows, size])?, shaped(py, out, [directions.len(), rows, size])?))
+    Ok(SensitivityRows {
+        states: shaped(py, values, [rows, size])?.unbind(),
+        derivatives: shaped(py, out, [directions.len(), rows, size])?.unbind(),
+    })
 }

@@ -1,17 +1,17 @@
 //! The class `Simulation`: a run that can be advanced piece by piece.
 
 use super::arm::PyArm;
-use super::arrays::{any_vector, force_rows, pressure_rows, shaped, vector};
+use super::arrays::{any_vector, shaped, vector};
 use super::errors::{failure, input, to_python};
+use super::input::{PyInput, interpolation_by_name};
 use super::signals::Signals;
 use crate::error::Error;
 use crate::integrate::{Method, Options};
 use crate::memory::reserved;
-use crate::plant::input::{Input, Interpolation};
 use crate::run::simulation::Simulation;
+use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 /// A simulation under way.
 #[pyclass(name = "Simulation", module = "bha._core", frozen)]
@@ -21,17 +21,48 @@ pub struct PySimulation {
     inputs: usize,
 }
 
+/// Rows of a simulation, one at each time reached.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct SimulationRows {
+    /// Lengths (m, 3n), m.
+    lengths: Py<PyArray2<f64>>,
+    /// Rates (m, 3n), m/s.
+    velocities: Py<PyArray2<f64>>,
+    /// Pressures in the chambers (m, inputs), Pa absolute.
+    pressures: Py<PyArray2<f64>>,
+    /// Origins of the heads (m, n, 3), m.
+    head_positions: Py<PyArray3<f64>>,
+    /// Their orientations, unit quaternions (m, n, 4).
+    head_orientations: Py<PyArray3<f64>>,
+    /// As their sensors have them, where an effect acts on them.
+    measured_lengths: Option<Py<PyArray2<f64>>>,
+    /// Likewise.
+    measured_head_positions: Option<Py<PyArray3<f64>>>,
+    /// Likewise.
+    measured_head_orientations: Option<Py<PyArray3<f64>>>,
+    /// The `SimulationError` that ended the run, if one did.
+    failure: Option<Py<PyAny>>,
+}
+
+/// What a run cost.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct StepCounts {
+    /// Accepted steps.
+    steps: u64,
+    /// Rejected steps.
+    rejected_steps: u64,
+    /// Evaluations of the equations of motion.
+    evaluations: u64,
+}
+
 #[pymethods]
 impl PySimulation {
     #[new]
-    #[pyo3(signature = (arm, times, pressures, forces = None, *, interpolation = "linear", method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, start = None, q = None, qd = None))]
+    #[pyo3(signature = (arm, drive, *, method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, start = None, q = None, qd = None))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         arm: &Bound<'_, PyArm>,
-        times: &Bound<'_, PyAny>,
-        pressures: &Bound<'_, PyAny>,
-        forces: Option<&Bound<'_, PyAny>>,
-        interpolation: &str,
+        drive: &Bound<'_, PyInput>,
         method: &str,
         step: f64,
         rtol: f64,
@@ -46,28 +77,23 @@ impl PySimulation {
         let py = arm.py();
         let arm = arm.get().arm.clone();
         let (sections, inputs) = (arm.body.sections.len(), arm.body.inputs);
-        let interpolation = interpolation_by_name(py, interpolation)?;
         let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
-        let times = any_vector(times, "times")?;
-        let pressures = pressure_rows(pressures, "pressures", inputs)?;
-        let forces = force_rows(forces, "forces", 3 * sections)?;
+        let drive = drive.get().of(py, &arm)?;
         let q = q.map(|q| vector(q, "q", 3 * sections)).transpose()?;
         let qd = qd.map(|q| vector(q, "qd", 3 * sections)).transpose()?;
         let build = || {
-            let input = Input::new(times, (pressures, inputs), forces, interpolation)?;
-            let start = start.unwrap_or(input.origin());
+            let start = start.unwrap_or(drive.origin());
             if !start.is_finite() {
                 return Err(Error::Input(format!("start: {start}; a finite time is needed")));
             }
-            Simulation::new(arm, Arc::new(input), options, start, q.as_deref(), qd.as_deref())
+            Simulation::new(arm, drive, options, start, q.as_deref(), qd.as_deref())
         };
         let simulation = Mutex::new(py.detach(build).map_err(|e| to_python(py, &e))?);
         Ok(Self { simulation, sections, inputs })
     }
 
-    /// Goes on to the last of `times` and returns the rows by the names of the attributes of `Trajectory`, a row at each time
-    /// reached (measured ones only where an effect acts on them), and None or the `SimulationError` that ended the run.
-    fn advance<'py>(&self, times: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyDict>, Option<Py<PyAny>>)> {
+    /// Goes on to the last of `times` and returns the rows, with what ended the run if it did.
+    fn advance(&self, times: &Bound<'_, PyAny>) -> PyResult<SimulationRows> {
         let py = times.py();
         let times = any_vector(times, "times")?;
         let columns = 3 * (3 * self.sections) + self.inputs;
@@ -86,31 +112,20 @@ impl PySimulation {
         let (rows, result) = outcome.ok_or_else(|| busy(py))?.map_err(|text| input(py, text))?;
         let failure = result.err().map(|e| failure(py, &e)).transpose()?;
         let (m, n) = (rows.count, self.sections);
-        let out = PyDict::new(py);
-        for (name, values, columns) in [
-            ("lengths", rows.lengths, 3 * n),
-            ("velocities", rows.velocities, 3 * n),
-            ("pressures", rows.pressures, self.inputs),
-        ] {
-            out.set_item(name, shaped(py, values, [m, columns])?)?;
-        }
-        for (name, values, columns) in
-            [("head_positions", rows.head_positions, 3), ("head_orientations", rows.head_orientations, 4)]
-        {
-            out.set_item(name, shaped(py, values, [m, n, columns])?)?;
-        }
-        if !rows.measured_lengths.is_empty() {
-            out.set_item("measured_lengths", shaped(py, rows.measured_lengths, [m, 3 * n])?)?;
-        }
-        for (name, values, columns) in [
-            ("measured_head_positions", rows.measured_head_positions, 3),
-            ("measured_head_orientations", rows.measured_head_orientations, 4),
-        ] {
-            if !values.is_empty() {
-                out.set_item(name, shaped(py, values, [m, n, columns])?)?;
-            }
-        }
-        Ok((out, failure))
+        let flat = |values, columns| shaped(py, values, [m, columns]).map(Bound::unbind);
+        let heads = |values, columns| shaped(py, values, [m, n, columns]).map(Bound::unbind);
+        let some = |values: Vec<f64>| (!values.is_empty()).then_some(values);
+        Ok(SimulationRows {
+            lengths: flat(rows.lengths, 3 * n)?,
+            velocities: flat(rows.velocities, 3 * n)?,
+            pressures: flat(rows.pressures, self.inputs)?,
+            head_positions: heads(rows.head_positions, 3)?,
+            head_orientations: heads(rows.head_orientations, 4)?,
+            measured_lengths: some(rows.measured_lengths).map(|x| flat(x, 3 * n)).transpose()?,
+            measured_head_positions: some(rows.measured_head_positions).map(|x| heads(x, 3)).transpose()?,
+            measured_head_orientations: some(rows.measured_head_orientations).map(|x| heads(x, 4)).transpose()?,
+            failure,
+        })
     }
 
     /// The name of the method in use.
@@ -119,18 +134,12 @@ impl PySimulation {
         Ok(self.simulation.try_lock().map_err(|_| busy(py))?.method().name())
     }
 
-    /// Counts so far: (steps, rejected_steps, evaluations).
+    /// Counts so far.
     #[getter]
-    fn statistics(&self, py: Python<'_>) -> PyResult<(u64, u64, u64)> {
+    fn statistics(&self, py: Python<'_>) -> PyResult<StepCounts> {
         let s = self.simulation.try_lock().map_err(|_| busy(py))?.statistics();
-        Ok((s.steps, s.rejected_steps, s.evaluations))
+        Ok(StepCounts { steps: s.steps, rejected_steps: s.rejected_steps, evaluations: s.evaluations })
     }
-}
-
-/// By the user's name.
-pub(super) fn interpolation_by_name(py: Python<'_>, name: &str) -> PyResult<Interpolation> {
-    Interpolation::by_name(name)
-        .ok_or_else(|| input(py, format!("interpolation: {name:?}; \"linear\" or \"hold\" are allowed")))
 }
 
 /// Checked options.

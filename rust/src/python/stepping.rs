@@ -218,7 +218,16 @@ fn stepping_by_name(py: Python<'_>, name: &str) -> PyResult<Stepping> {
     })
 }
 
-/// (method, step): how to step `arm` around rest under each row of `pressures` (k, inputs), Pa absolute.
+/// How an arm is stepped.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct StepPlan {
+    /// Name of the method.
+    method: &'static str,
+    /// Its longest step, s.
+    step: f64,
+}
+
+/// How to step `arm` around rest under each row of `pressures` (k, inputs), Pa absolute.
 ///
 /// `method` None: the cheapest that is stable; `step` None: at most `usual` s.
 #[pyfunction]
@@ -229,7 +238,7 @@ pub fn plan_steps(
     method: Option<&str>,
     step: Option<f64>,
     usual: f64,
-) -> PyResult<(&'static str, f64)> {
+) -> PyResult<StepPlan> {
     let py = arm.py();
     let arm = arm.get().arm.clone();
     let pressures = rows(pressures, "pressures", arm.body.inputs)?;
@@ -237,5 +246,5 @@ pub fn plan_steps(
     let mut signals = Signals::new();
     let plan = py.detach(|| stepping::plan(&arm, &pressures, Wish { stepping, step, usual }, &mut || signals.stop()));
     signals.result()?;
-    plan.map(|plan| (plan.stepping.name(), plan.step)).map_err(|e| to_python(py, &e))
+    plan.map(|plan| StepPlan { method: plan.stepping.name(), step: plan.step }).map_err(|e| to_python(py, &e))
 }

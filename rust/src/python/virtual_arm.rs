@@ -1,10 +1,10 @@
 //! The class `VirtualArm`: what the paper's experiments measure instead of a real arm.
 
-use super::arrays::{any_vector, finite, force_rows, matrix, pressure_rows, pressures, shaped, small, vector};
+use super::arrays::{any_vector, finite, matrix, pressures, shaped, small, vector};
 use super::errors::{input, to_python};
+use super::input::PyInput;
 use super::signals::Signals;
 use crate::body::parameters::ArmParameters;
-use crate::plant::input::{Input, Interpolation};
 use crate::virtual_arm::{Creep, Distributed, State, VirtualArm};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -19,7 +19,17 @@ pub struct PyVirtualArm {
 }
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
-type Block<'py> = Bound<'py, PyArray2<f64>>;
+
+/// Rows of a run, one at each time.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct VirtualRows {
+    /// Lengths (m, 3n), m.
+    lengths: Py<PyArray2<f64>>,
+    /// Rates (m, 3n), m/s.
+    velocities: Py<PyArray2<f64>>,
+    /// Creep states (m, branches times bellows), m.
+    creep: Py<PyArray2<f64>>,
+}
 
 #[pymethods]
 impl PyVirtualArm {
@@ -56,29 +66,25 @@ impl PyVirtualArm {
         Ok(small(py, &state.lengths))
     }
 
-    /// (lengths, velocities, creep) at `output_times` under sampled pressures and forces, from lengths `q` with rates
-    /// `qd` and creep states `creep` at the first of them; integrated with steps of at most `step`.
-    #[pyo3(signature = (times, pressures, forces, output_times, q, qd, creep, step))]
+    /// Rows at `output_times` under `drive`, from lengths `q` with rates `qd` and creep states `creep` at the first of them;
+    /// integrated with steps of at most `step`.
+    #[pyo3(signature = (drive, output_times, q, qd, creep, step))]
     #[allow(clippy::too_many_arguments)]
     fn run<'py>(
         &self,
         py: Python<'py>,
-        times: &Bound<'py, PyAny>,
-        pressures: &Bound<'py, PyAny>,
-        forces: Option<&Bound<'py, PyAny>>,
+        drive: &Bound<'py, PyInput>,
         output_times: &Bound<'py, PyAny>,
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         creep: &Bound<'py, PyAny>,
         step: f64,
-    ) -> PyResult<(Block<'py>, Block<'py>, Block<'py>)> {
+    ) -> PyResult<VirtualRows> {
         let n = self.arm.coordinates();
         if step.is_nan() || step <= 0.0 {
             return Err(input(py, format!("step: {step}; a positive number is needed")));
         }
-        let times = any_vector(times, "times")?;
-        let pressures = pressure_rows(pressures, "pressures", self.arm.inputs())?;
-        let forces = force_rows(forces, "forces", n)?;
+        let drive = drive.get().with(py, self.arm.inputs(), n)?;
         let outputs = any_vector(output_times, "output_times")?;
         if outputs.windows(2).any(|w| w[1] < w[0]) {
             return Err(input(py, "output_times: they must ascend".to_owned()));
@@ -88,17 +94,15 @@ impl PyVirtualArm {
             velocities: vector(qd, "qd", n)?,
             creep: vector(creep, "creep", self.arm.creep_states())?,
         };
-        let drive = Input::new(times, (pressures, self.arm.inputs()), forces, Interpolation::Linear)
-            .map_err(|e| to_python(py, &e))?;
         let mut signals = Signals::new();
         let result = py.detach(|| self.arm.run(&drive, &outputs, &start, step, &mut || signals.stop()));
         signals.result()?;
         let (out, m) = (result.map_err(|e| to_python(py, &e))?, outputs.len());
-        Ok((
-            shaped(py, out.lengths, [m, n])?,
-            shaped(py, out.velocities, [m, n])?,
-            shaped(py, out.creep, [m, self.arm.creep_states()])?,
-        ))
+        Ok(VirtualRows {
+            lengths: shaped(py, out.lengths, [m, n])?.unbind(),
+            velocities: shaped(py, out.velocities, [m, n])?.unbind(),
+            creep: shaped(py, out.creep, [m, self.arm.creep_states()])?.unbind(),
+        })
     }
 
     /// (kinetic, potential) energy at a state, J.

@@ -5,7 +5,12 @@ use std::io;
 
 use thiserror::Error;
 
-use super::source::Unpacking;
+/// Whether the bytes that come out are those of the file or unpacked ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unpacking {
+    Plain,
+    Gzip,
+}
 
 /// A fault with its place in the file. The text names neither the file nor its folder; the caller knows them.
 #[derive(Debug, Error)]

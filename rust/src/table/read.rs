@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use csv::ByteRecord;
 
-use super::error::{Fault, TableError};
-use super::source::{self, Counts, Unpacking};
+use super::error::{Fault, TableError, Unpacking};
+use super::source::{self, Counts};
 
 /// Time between two calls of the watcher: often enough to stop within a tenth of a second.
 const WATCH_INTERVAL: Duration = Duration::from_millis(50);

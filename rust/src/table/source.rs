@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use flate2::read::MultiGzDecoder;
 
-use super::error::{Fault, LineTooLong};
+use super::error::{Fault, LineTooLong, Unpacking};
 
 /// No line of a table of numbers is longer; more without a line end is a runaway quote or not a table.
 const LONGEST_LINE: u64 = 16 << 20;
@@ -16,13 +16,6 @@ const LONGEST_LINE: u64 = 16 << 20;
 const PROBE: usize = 8192;
 /// Lines of the beginning that are kept, and characters of each: enough to find headings below a preamble.
 const OPENING: (usize, usize) = (30, 400);
-
-/// Whether the bytes that come out are those of the file or unpacked ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Unpacking {
-    Plain,
-    Gzip,
-}
 
 /// A number that two owners in one thread share. Atomic only so that a reader may be moved to another thread.
 #[derive(Default)]

@@ -7,9 +7,11 @@
 
 mod block;
 mod sequences;
+mod sharing;
 
-use self::block::{Block, can_share};
+use self::block::Block;
 use self::sequences::Sequences;
+use self::sharing::can_share;
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};

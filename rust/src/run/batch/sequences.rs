@@ -1,6 +1,6 @@
 //! Sequences of steps that members share: those that the first of them takes alone.
 
-use super::block::can_share;
+use super::sharing::can_share;
 use super::{Batch, Member};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
