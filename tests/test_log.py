@@ -391,10 +391,10 @@ def test_progress_is_told_and_its_errors_come_back_as_they_are(tmp_path: Path) -
 def test_reading_answers_an_interrupt(tmp_path: Path) -> None:
     path = write(tmp_path, "t [s]\n" + "0\n" * 10)
 
-    def interrupt(headings: list[str], opening: list[str]) -> list[tuple[str, float, str, bool, str]]:
+    def interrupt(headings: list[str], opening: list[str]) -> list[_core.TableColumn]:
         # Delivered to this process while the core is about to read; nothing but its own check can see it in time.
         signal.raise_signal(signal.SIGINT)
-        return [("number", -np.inf, "", False, "")]
+        return [_core.TableColumn("number", -np.inf, "", False, "")]
 
     with pytest.raises(KeyboardInterrupt):
         _core.read_table(os.fspath(path), interrupt, None)
@@ -405,7 +405,7 @@ def test_the_core_checks_what_it_is_given(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="one entry for each heading"):
         _core.read_table(path, lambda headings, opening: [], None)
     with pytest.raises(ValueError, match="unknown use of a column"):
-        _core.read_table(path, lambda headings, opening: [("x", 0.0, "", False, "")], None)
+        _core.read_table(path, lambda headings, opening: [_core.TableColumn("x", 0.0, "", False, "")], None)
     with pytest.raises(ValueError, match="differ in length"):
         _core.format_table_rows([np.zeros(1), np.zeros(2)])
 

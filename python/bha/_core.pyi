@@ -28,6 +28,9 @@ __all__ = [
     "StepCounts",
     "StepPlan",
     "Stepper",
+    "Table",
+    "TableColumn",
+    "TextFound",
     "VirtualArm",
     "VirtualRows",
     "__version__",
@@ -440,10 +443,28 @@ class VirtualArm:
     ) -> VirtualRows: ...
     def energy(self, q: ArrayLike, qd: ArrayLike, creep: ArrayLike) -> tuple[float, float]: ...
 
+@final
+class TableColumn:
+    def __new__(cls, used: str, least: float, hint: str, missing: bool, absent: str) -> Self: ...
+
+@final
+class TextFound:
+    @property
+    def line(self) -> int: ...
+    @property
+    def text(self) -> str: ...
+
+@final
+class Table:
+    @property
+    def columns(self) -> list[NDArray[np.float64] | TextFound | None]: ...
+    @property
+    def unterminated(self) -> bool: ...
+
 def read_table(
     path: str | PathLike[str],
-    plan: Callable[[list[str], list[str]], list[tuple[str, float, str, bool, str]]],
+    plan: Callable[[list[str], list[str]], list[TableColumn]],
     progress: Callable[[float], None] | None = None,
     name: str | None = None,
-) -> tuple[list[NDArray[np.float64] | tuple[int, str] | None], bool]: ...
+) -> Table: ...
 def format_table_rows(columns: Sequence[ArrayLike]) -> bytes: ...

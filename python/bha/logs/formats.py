@@ -101,13 +101,16 @@ def read_csv(path: Path, origin: str, plan: Plan, progress: Progress | None) -> 
     """
     columns: list[Column] = []
 
-    def core_plan(headings: list[str], opening: list[str]) -> list[tuple[str, float, str, bool, str]]:
+    def core_plan(headings: list[str], opening: list[str]) -> list[_core.TableColumn]:
         columns.extend(plan(headings, opening))
-        return [(column.used, column.least, column.hint, column.missing, column.absent) for column in columns]
+        return [_core.TableColumn(c.used, c.least, c.hint, c.missing, c.absent) for c in columns]
 
-    read, unterminated = _core.read_table(os.fspath(path), core_plan, progress, origin)
-    found = [f"line {entry[0]}: '{entry[1]}' is not a number" if isinstance(entry, tuple) else entry for entry in read]
-    return columns, found, unterminated
+    table = _core.read_table(os.fspath(path), core_plan, progress, origin)
+    found = [
+        f"line {entry.line}: '{entry.text}' is not a number" if isinstance(entry, _core.TextFound) else entry
+        for entry in table.columns
+    ]
+    return columns, found, table.unterminated
 
 
 def read_parquet(path: Path, origin: str, plan: Plan, progress: Progress | None) -> tuple[list[Column], list[Found]]:

@@ -43,10 +43,20 @@ fn array(value: &Bound<'_, PyAny>, name: &str, shapes: &[Shape<'_>]) -> PyResult
 
 /// Numbers of an array in one of the shapes, `finite` or not.
 fn numbers(value: &Bound<'_, PyAny>, name: &str, shapes: &[Shape<'_>], finite: bool) -> PyResult<Found> {
-    let good = |found: &Found| !finite || found.values.iter().all(|x| x.is_finite());
-    if let Some(found) = plain(value, shapes).filter(good) {
-        return Ok(found);
+    match plain(value, shapes).filter(|found| good(found, finite)) {
+        Some(found) => Ok(found),
+        None => through_floats(value, name, shapes, finite),
     }
+}
+
+/// Whether the numbers are finite, where they must be.
+fn good(found: &Found, finite: bool) -> bool {
+    !finite || found.values.iter().all(|x| x.is_finite())
+}
+
+/// The same of an array of another kind, by `bha.arrays.floats`.
+#[cold]
+fn through_floats(value: &Bound<'_, PyAny>, name: &str, shapes: &[Shape<'_>], finite: bool) -> PyResult<Found> {
     static FLOATS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let py = value.py();
     let mut arguments = vec![value.clone(), name.into_pyobject(py)?.into_any()];
@@ -55,7 +65,8 @@ fn numbers(value: &Bound<'_, PyAny>, name: &str, shapes: &[Shape<'_>], finite: b
     }
     let options = [("finite", finite)].into_py_dict(py)?;
     let found = FLOATS.import(py, "bha.arrays", "floats")?.call(PyTuple::new(py, arguments)?, Some(&options))?;
-    plain(&found, shapes).filter(good).ok_or_else(|| input(py, format!("{name}: it was changed while it was read")))
+    let found = plain(&found, shapes).filter(|found| good(found, finite));
+    found.ok_or_else(|| input(py, format!("{name}: it was changed while it was read")))
 }
 
 /// A vector of the given length.

@@ -6,25 +6,56 @@ use std::path::PathBuf;
 use numpy::IntoPyArray;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyList};
+use pyo3::types::PyBytes;
 
 use super::arrays::any_numbers;
 use super::errors::log;
 use crate::table::{Column, ColumnUse, Fault, ReadColumn, TableError, TableReader, format_rows};
 
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<Table>()?;
+    m.add_class::<TableColumn>()?;
+    m.add_class::<TextFound>()?;
     m.add_function(wrap_pyfunction!(read_table, m)?)?;
     m.add_function(wrap_pyfunction!(format_table_rows, m)?)
 }
 
+/// What is wanted of a column: its use ("skip", "number", "time" or "free"), the least value it may have, what to say of a
+/// smaller one, whether samples may be missing, and what to say of one that is and may not.
+#[pyclass(module = "bha._core", frozen)]
+pub struct TableColumn(Column);
+
+#[pymethods]
+impl TableColumn {
+    #[new]
+    fn new(used: &str, least: f64, hint: String, missing: bool, absent: String) -> PyResult<Self> {
+        Ok(Self(Column { used: column_use(used)?, least, hint, missing, absent }))
+    }
+}
+
+/// What stands in a free column that holds something else than numbers.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct TextFound {
+    /// Line of the file.
+    line: u64,
+    /// The first cell that is no number, clipped.
+    text: String,
+}
+
+/// A table as it was read.
+#[pyclass(module = "bha._core", frozen, get_all)]
+pub struct Table {
+    /// For each heading an array, None where it was skipped, or `TextFound`.
+    columns: Vec<Py<PyAny>>,
+    /// Whether the last line has no end.
+    unterminated: bool,
+}
+
 /// Read a table of numbers from a CSV file, plain or gzip.
 ///
-/// `plan` gets the headings and the first lines as they stand, and returns for each heading its use ("skip", "number",
-/// "time" or "free"), the least value it may have, what to say of a smaller one, whether samples may be missing, and
-/// what to say of one that is and may not. `progress` gets the fraction of the file that is done. Errors call the file
-/// `name`. Returns for each heading an array, None where it was skipped, or (line, text) where a free column holds
-/// something else than numbers; and whether the last line has no end. Raises LogError; what `plan` and `progress` raise
-/// comes back as it is.
+/// `plan` gets the headings and the first lines as they stand, and returns a `TableColumn` for each heading. `progress`
+/// gets the fraction of the file that is done. Errors call the file `name`. Raises LogError; what `plan` and `progress`
+/// raise comes back as it is.
 #[pyfunction]
 #[pyo3(signature = (path, plan, progress=None, name=None))]
 fn read_table<'py>(
@@ -33,18 +64,16 @@ fn read_table<'py>(
     plan: &Bound<'py, PyAny>,
     progress: Option<Py<PyAny>>,
     name: Option<String>,
-) -> PyResult<(Bound<'py, PyList>, bool)> {
+) -> PyResult<Table> {
     let name = name.unwrap_or_else(|| path.display().to_string());
     let wrong = |py: Python<'_>, error: &TableError| log_error(py, &name, error);
     let reader = TableReader::open(&path).map_err(|error| wrong(py, &error))?;
     let columns = plan
         .call1((reader.headings().to_vec(), reader.opening().to_vec()))?
-        .extract::<Vec<(String, f64, String, bool, String)>>()?
-        .into_iter()
-        .map(|(used, least, hint, missing, absent)| {
-            Ok(Column { used: column_use(&used)?, least, hint, missing, absent })
-        })
-        .collect::<PyResult<Vec<_>>>()?;
+        .extract::<Vec<Bound<'_, TableColumn>>>()?
+        .iter()
+        .map(|column| column.get().0.clone())
+        .collect::<Vec<_>>();
     if columns.len() != reader.headings().len() {
         return Err(PyValueError::new_err("the plan must have one entry for each heading"));
     }
@@ -68,15 +97,15 @@ fn read_table<'py>(
         return Err(error);
     }
     let table = table.map_err(|error| wrong(py, &error))?;
-    let found = PyList::empty(py);
-    for column in table.columns {
-        match column {
-            ReadColumn::Skipped => found.append(py.None())?,
-            ReadColumn::Numbers(numbers) => found.append(numbers.into_pyarray(py))?,
-            ReadColumn::Text { line, found: text } => found.append((line, text))?,
-        }
-    }
-    Ok((found, table.unterminated))
+    let column = |column| -> PyResult<Py<PyAny>> {
+        Ok(match column {
+            ReadColumn::Skipped => py.None(),
+            ReadColumn::Numbers(numbers) => numbers.into_pyarray(py).into_any().unbind(),
+            ReadColumn::Text { line, found: text } => Py::new(py, TextFound { line, text })?.into_any(),
+        })
+    };
+    let columns = table.columns.into_iter().map(column).collect::<PyResult<_>>()?;
+    Ok(Table { columns, unterminated: table.unterminated })
 }
 
 /// Lines of text for a block of rows: fields separated by commas, each number in the fewest digits that read back to
