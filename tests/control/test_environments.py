@@ -116,6 +116,27 @@ def test_what_diverges_is_reported_and_put_back() -> None:
     assert states[5, :9] == pytest.approx(task.start_lengths, abs=1e-6)
 
 
+@pytest.mark.parametrize("dt", [0.1, 0.6])
+def test_what_leaves_the_model_within_a_step_is_reported_as_one_plant_alone_is(dt: float) -> None:
+    """Let go far outside, an arm passes lengths below zero and may be back inside when the step ends."""
+    task = environments.ReachVectorEnv(3)._task
+    arm, p = task.arm, np.full(9, task.arm.parameters.ambient_pressure)
+    starts = np.repeat([[0.2], [0.4], [0.6], [0.8], [1.0]], 9, axis=1)
+    fleet = task.fleet(len(starts), 1e-3, 1)
+    fleet.reset(list(range(len(starts))), starts, np.tile(p, (len(starts), 1)))
+    states, failed = fleet.step(np.tile(p, (len(starts), 1)), dt)
+    assert failed.tolist() == [False, True, True, True, True]
+    for start, state, lost in zip(starts, states, failed, strict=True):
+        alone = Stepper(arm, 1e-3, method="rk4")
+        alone.reset(p, start)
+        if lost:
+            assert state[:9] == pytest.approx(start)
+            with pytest.raises(bha.SimulationError):
+                alone.step(p, dt)
+        else:
+            assert state[:9] == pytest.approx(alone.step(p, dt)[:9], abs=1e-9)
+
+
 def test_what_environments_refuse() -> None:
     with pytest.raises(bha.InputError, match="num_envs: 0"):
         environments.ReachVectorEnv(0)
