@@ -27,6 +27,12 @@ MAP = PACKAGE.parents[1] / "CONTRIBUTING.md"
 #: What is seen from outside, and ``python -m bha``: they stand above all rooms.
 DOORS = {"bha", "bha.__main__"}
 
+#: What of the core is called in several files: a diagnosis has an engine of its own, with arms of no parameter file.
+MORE_DOORS = {
+    "Arm": {f"bha.diagnosis.{name}" for name in ("baseline", "engine", "figures", "screen", "workflow")},
+    "simulate_batch": {"bha.simulation.batch", "bha.diagnosis.engine"},
+}
+
 
 def rooms() -> dict[str, set[str] | None]:
     """The map, from the top down: what each room may import; None: every room."""
@@ -120,6 +126,20 @@ def test_imports_go_along_the_map() -> None:
     assert not faults, "\n".join(faults)
     needless = {(room, other) for room, allowed in found.items() for other in allowed or ()} - used
     assert not needless, f"the map allows what nobody does: {needless}"
+
+
+def test_one_door_into_the_core() -> None:
+    """What the core offers is called in one file, which says to all others what it means; classes are types, too."""
+    called: dict[str, set[str]] = {}
+    for name, path in modules().items():
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                holder = node.func.value
+                if isinstance(holder, ast.Name) and holder.id == "_core":
+                    called.setdefault(node.func.attr, set()).add(name)
+    assert "simulate_batch" in called
+    several = {name: places for name, places in called.items() if len(places) > 1}
+    assert several == {name: places & MORE_DOORS.get(name, set()) for name, places in several.items()}
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:

@@ -76,9 +76,9 @@ class _Task:
         self.limits = Limits.of(self.arm)
         found = self.limits
         self.pressure_middle, self.pressure_half = (found.low + found.high) / 2, (found.high - found.low) / 2
-        self.length_middle = (found.shortest + found.longest) / 2
+        self.length_middle = found.middle
         self.length_half = (found.longest - found.shortest) / 2
-        rest = _core.rest_near(self.arm, self.length_middle, found.low, found.high, found.preferred)
+        rest = found.rest_near(self.arm, self.length_middle)
         self.start_pressures, self.start_lengths = rest.pressures, rest.lengths
         #: Length of the straight arm with all lengths at their longest, m: no tip is farther away.
         self.span = float(np.linalg.norm(self.arm.forward_kinematics(found.longest)[0][-1]))

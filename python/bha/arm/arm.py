@@ -185,13 +185,17 @@ class Arm(_core.Arm):
             self._differentiators[names] = differentiator(self, self._parameters, names, self.with_parameters)
         return self._differentiators[names](q, qd, p, f_ext)
 
-    def linearize(self, q: ArrayLike, qd: ArrayLike, p: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def linearize(
+        self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, *, period: float | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A (6n, 6n) and B (6n, inputs) of x' = A x + B p for small deviations, x = (q, q'), from any state.
+
+        With a ``period``, s, those from one period to the next, pressures held meanwhile.
 
         Raises:
             InputError: an array of the wrong shape or with a value that is not finite.
         """
-        return _core.linearize(self, q, qd, p)
+        return _core.linearize(self, q, qd, p, period)
 
     def __getstate__(self) -> object:
         """What a subclass has added: its attributes and slots, or None. The arm itself is its parameters."""

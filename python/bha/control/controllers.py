@@ -242,12 +242,10 @@ class LinearQuadraticRegulator(Controller):
     def gain(self, period: float = USUAL_PERIOD) -> NDArray[np.float64]:
         """K, shape (inputs, 6n), Pa/m and Pa s/m."""
         limits = self.limits or Limits.of(self.arm)
-        middle = (limits.shortest + limits.longest) / 2
-        pose = middle if self.pose is None else np.asarray(self.pose, dtype=np.float64)
-        rest = _core.rest_near(self.arm, pose, limits.low, limits.high, limits.preferred)
+        rest = limits.rest_near(self.arm, limits.middle if self.pose is None else self.pose)
         p, q = rest.pressures, rest.lengths
         # In units of the scales, so that the Riccati equation sees numbers of like size.
-        a, b = _core.linearize(self.arm, q, np.zeros_like(q), p, self.period or period)
+        a, b = self.arm.linearize(q, np.zeros_like(q), p, period=self.period or period)
         scale = np.repeat([self.length_scale, self.rate_scale], len(q))
         a = a * scale / scale[:, None]
         b = b * self.pressure_scale / scale[:, None]

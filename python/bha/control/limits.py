@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from bha import _core
 from bha.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,3 +60,33 @@ class Limits:
         middle = (low + high) / 2 if preferred is None else np.clip(np.full(len(index), float(preferred)), low, high)
         lengths = np.repeat([section.length_range for section in arm.parameters.sections], 3, axis=0)
         return cls(low, high, middle, lengths[:, 0], lengths[:, 1])
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """The middle of each length's range, m, shape (3n,)."""
+        return (self.shortest + self.longest) / 2
+
+    def rest_near(self, arm: Arm, lengths: ArrayLike) -> _core.Rest:
+        """Pressures within the limits under which ``arm`` rests nearest to ``lengths`` (3n,), m, and where it then is.
+
+        Raises:
+            ConvergenceError: it rests nowhere near.
+        """
+        return _core.rest_near(arm, lengths, self.low, self.high, self.preferred)
+
+    def resolved(
+        self, arm: Arm, tips: ArrayLike, directions: ArrayLike | None = None, start: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """Lengths within the limits that bring ``arm``'s tip to ``tips`` (k, 3), m, row by row, shape (k, 3n).
+
+        Args:
+            arm: the arm.
+            tips: positions of the last head in the base frame.
+            directions: of its z axis, shape (k, 3); None: left free.
+            start: lengths from which the first row is sought; None: the middle.
+
+        Raises:
+            ConvergenceError: a row is out of reach; the text names it.
+        """
+        first = self.middle if start is None else start
+        return _core.resolved_motion(arm, tips, directions, first, self.shortest, self.longest)

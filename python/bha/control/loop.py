@@ -131,8 +131,7 @@ def simulate_closed_loop(
         raise InputError(f"decimation: {decimation}; at least 1 is needed")
     stepper = Stepper(plant, step)
     if p0 is None:
-        limits = Limits.of(plant)
-        rest = _core.rest_near(plant, reference.lengths[0], limits.low, limits.high, limits.preferred)
+        rest = Limits.of(plant).rest_near(plant, reference.lengths[0])
         p0, q0 = rest.pressures, rest.lengths if q0 is None else q0
     stepper.reset(p0, q0)
     found = _core.closed_loop(

@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bha import _core
 from bha.control.controller import Controller
 from bha.control.limits import Limits
 from bha.control.loop import Sensors
@@ -152,9 +151,7 @@ def linear_loop(
     """
     arm = controller.arm if plant is None else plant
     limits = controller.limits or Limits.of(controller.arm)
-    middle = (limits.shortest + limits.longest) / 2
-    target = middle if pose is None else np.asarray(pose, dtype=np.float64)
-    rest = _core.rest_near(arm, target, limits.low, limits.high, limits.preferred)
+    rest = limits.rest_near(arm, limits.middle if pose is None else pose)
     p, q = rest.pressures, rest.lengths
     m, inputs = len(q), len(p)
     model = WorkingPoint.at(controller.model(), q, p)
@@ -236,7 +233,7 @@ def _pneumatic(arm: Arm, point: WorkingPoint, motion: Floats, force: Floats) -> 
     exponent, dead_volume, proportional, integral, spool = (float(x) for x in given if x is not None)
     areas = mean_lengths(arm, weighted=True)
     limits = Limits.of(arm)
-    middle = dead_volume + areas @ ((limits.shortest + limits.longest) / 2)
+    middle = dead_volume + areas @ limits.middle
     volume = dead_volume + areas @ point.lengths
     m, inputs = len(point.lengths), len(point.pressures)
     ambient = arm.parameters.ambient_pressure

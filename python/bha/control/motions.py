@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bha import _core
 from bha.arrays import floats
 from bha.control.limits import Limits
 from bha.control.reach import comfortable_radius, warn_of_reach
@@ -87,15 +86,14 @@ def there_and_back(arm: Arm, *, period: float = 1e-3) -> Reference:
         MissingExtraError: ruckig is not installed.
     """
     limits = Limits.of(arm)
-    middle, half = (limits.shortest + limits.longest) / 2, (limits.longest - limits.shortest) / 2
+    middle, half = limits.middle, (limits.longest - limits.shortest) / 2
     # A slender arm bends far for small differences of its lengths: by no more than a radian here.
     radii = np.repeat([section.bellows_radius for section in arm.parameters.sections], 3)
     bend = np.tile([-0.3, 0.15, 0.15], arm.section_count) * np.minimum(1.0, radii / (0.3 * half))
     fast = {"max_velocity": 0.4, "max_acceleration": 4.0, "max_jerk": 80.0}
     # From where the arm can rest to where it can rest: nearest to a bend that is meant for any arm.
     start, end = (
-        _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred).lengths
-        for lengths in (middle - 0.1 * half, middle + (bend - 0.1) * half)
+        limits.rest_near(arm, lengths).lengths for lengths in (middle - 0.1 * half, middle + (bend - 0.1) * half)
     )
     there = point_to_point(start, end, period=period, **fast)
     return there.followed_by(point_to_point(end, start, period=period, **fast))
@@ -142,9 +140,9 @@ def tip_path(
     bound = (max_velocity, max_acceleration, max_jerk)
     along, _, _ = _jerk_limited(float(length), bound, rest, period)
     positions = floats(path(along), "path(along)", (len(along), 3))
-    first = (bounds.shortest + bounds.longest) / 2 if start is None else vector(start, "start")
+    first = None if start is None else vector(start, "start")
     aim = None if directions is None else np.tile(vector(directions, "directions"), (len(positions), 1))
-    lengths = _core.resolved_motion(arm, positions, aim, first, bounds.shortest, bounds.longest)
+    lengths = bounds.resolved(arm, positions, aim, first)
     return warn_of_reach(arm, Reference.through(lengths, period, positions), bounds)
 
 
@@ -169,8 +167,7 @@ def tip_samples(
     when, rows = samples(time, positions, "positions")
     tips = spread(when, rows, period, smoothing)
     limits = Limits.of(arm)
-    middle = (limits.shortest + limits.longest) / 2
-    lengths = _core.resolved_motion(arm, tips, None, middle, limits.shortest, limits.longest)
+    lengths = limits.resolved(arm, tips)
     return warn_of_reach(arm, Reference.through(lengths, period, tips), limits)
 
 
@@ -206,7 +203,7 @@ def tip_circle(
             raise InputError(f"{name}: {value}; a positive number is needed")
     limits = options.get("limits") or Limits.of(arm)
     if height is None:
-        heads, _ = arm.forward_kinematics((limits.shortest + limits.longest) / 2)
+        heads, _ = arm.forward_kinematics(limits.middle)
         straight = float(heads[-1, 2])
         height = straight - min(0.05, 0.1 * straight)
     z, r = height, comfortable_radius(arm, height, limits) if radius is None else float(radius)

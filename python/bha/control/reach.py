@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha import _core
 from bha.control.limits import Limits
 from bha.control.reference import Reference
 from bha.errors import BhaError, InputError, ReferenceWarning
@@ -184,7 +183,6 @@ def comfortable_radius(arm: Arm, height: float, limits: Limits) -> float:
     """
     tolerance = _TOLERANCE * _height(arm, limits)
     most = _MOST_RADIUS * _height(arm, limits)
-    middle = (limits.shortest + limits.longest) / 2
     angles = np.linspace(0, 2 * np.pi, _ANGLES, endpoint=False)
     trouble = ""
 
@@ -192,7 +190,7 @@ def comfortable_radius(arm: Arm, height: float, limits: Limits) -> float:
         nonlocal trouble
         tips = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(_ANGLES, height)])
         try:
-            lengths = _core.resolved_motion(arm, tips, None, middle, limits.shortest, limits.longest)
+            lengths = limits.resolved(arm, tips)
         except BhaError as error:
             trouble = str(error)
             return False
@@ -227,7 +225,7 @@ def comfortable_radius(arm: Arm, height: float, limits: Limits) -> float:
 def _hold(arm: Arm, lengths: Floats, limits: Limits) -> tuple[Floats, Floats] | None:
     """Pressures within the limits that hold lengths best, and where the arm then rests; None if nowhere."""
     try:
-        rest = _core.rest_near(arm, lengths, limits.low, limits.high, limits.preferred)
+        rest = limits.rest_near(arm, lengths)
     except BhaError:
         return None
     return rest.pressures, rest.lengths
@@ -289,7 +287,7 @@ def _tip(arm: Arm, lengths: Floats) -> Floats:
 
 def _height(arm: Arm, limits: Limits) -> float:
     """Height of the straight arm at the middle of its lengths, m."""
-    return float(abs(_tip(arm, (limits.shortest + limits.longest) / 2)[2]))
+    return float(abs(_tip(arm, limits.middle)[2]))
 
 
 def _millimetres(point: Floats) -> str:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bha import _core
 from bha.errors import InputError
 from bha.recordings import ChannelFacts, Observation
+from bha.runs.input import Input
 
 if TYPE_CHECKING:
     from bha.arm.geometry import CameraFrame
@@ -76,8 +77,7 @@ class Record:
 
     def driven_by(self, pressures: Array) -> _core.Input:
         """The same with other pressures, Pa absolute, shape (m, inputs)."""
-        forces = None if self.forces is None else self.forces.reshape(len(self.time), -1)
-        return _core.Input(self.time, pressures, forces)
+        return Input(self.time, pressures, self.forces).in_core()
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from bha.errors import InputError
 from bha.logs import Log
 from bha.names import column, length_name
 from bha.parameters import ForceModel
+from bha.runs.input import Input
 
 Array = NDArray[np.float64]
 
@@ -149,7 +150,7 @@ class VirtualArm:
             forces = np.column_stack([np.interp(time, schedule.time, values) for values in flat.T])
         start = self._core.rest(pressures[0], None if forces is None else forces[0].reshape(-1, 3))
         still, relaxed = np.zeros_like(start), np.zeros(self._core.creep_states)
-        run = self._core.run(_core.Input(time, pressures, forces), time, start, still, relaxed, step)
+        run = self._core.run(Input(time, pressures, forces).in_core(), time, start, still, relaxed, step)
         return self.read_sensors(time, pressures, run.lengths, number)
 
     def chamber_pressures(self, schedule: Schedule, time: Array) -> Array:
