@@ -19,6 +19,8 @@ from bha.arm import Arm
 from bha.errors import InputError
 from bha.logs import Log
 from bha.recordings import Observation, PressureSort, Recording
+from bha.recordings.aligned import COMMON
+from bha.recordings.clock import later
 from bha.runs.input import Input
 
 Array = NDArray[np.float64]
@@ -80,8 +82,8 @@ class Record:
         return replace(self, usable=usable)
 
     def thinned(self, interval: float) -> Record:
-        """The same record with rows at least ``interval`` s apart; what drives the arm keeps all its samples."""
-        rows = _thinned(self.time, interval)
+        """The same record with readings at least ``interval`` s apart; what drives the arm keeps all its samples."""
+        rows = _thinned_readings(self.time, self.usable, interval)
         return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
 
 
@@ -135,7 +137,7 @@ def record(
             f"{origin}: nothing to compare a simulation with; lengths (q11, ...), head positions (x1, y1, z1, ...) or "
             f"orientations (ow1, ox1, ...) are needed, the log has {', '.join(recording.log.columns)}"
         )
-    rows = _thinned(recording.time, min_interval)
+    rows = _thinned_readings(recording.time, recording.usable[:, kept], min_interval)
     if len(rows) < 2 or not recording.time[rows[-1]] > recording.time[rows[0]]:
         raise InputError(f"{origin}: {len(rows)} rows; at least two at different times are needed")
     facts = [recording.facts[k] for k in kept]
@@ -188,6 +190,19 @@ def some_of(pieces: Sequence[Window], records: Sequence[Record], budget: float) 
     count = max(2, int(len(pieces) * budget / total))
     chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
     return [pieces[k] for k in chosen]
+
+
+def _thinned_readings(time: Array, usable: NDArray[np.bool_], interval: float) -> NDArray[np.int64]:
+    """Rows with readings at least ``interval`` apart in each channel.
+
+    Channels that are read in turn, or seldom, have readings in rows of their own: every so many rows there may be none.
+    """
+    if interval <= 0.0 or float(np.mean(usable)) >= COMMON:
+        return _thinned(time, interval)
+    own = [np.flatnonzero(good) for good in usable.T]
+    rows = [places[_thinned(time[places], interval)] for places in own if len(places)]
+    every = np.unique(np.concatenate([[0], *rows, [len(time) - 1]])).astype(np.int64)
+    return every[later(time[every])]
 
 
 def _thinned(time: Array, interval: float) -> NDArray[np.int64]:

@@ -91,12 +91,12 @@ def doubt(time: Array, knots: Array, values: Array, noise: float, interpolant: I
     if len(knots) < FEWEST:
         return NOTHING
     noisy = NOISE_SHARE * noise**2
-    near = _left_out(knots, values, 2, interpolant)
+    near = left_out(knots, values, 2, interpolant)
     square = float(np.mean(near**2))
     if square <= STANDS_OUT * noisy or square == 0.0:
         return NOTHING
     square -= noisy
-    wide = max(float(np.mean(_left_out(knots, values, 4, interpolant) ** 2)) - noisy, 0.0)
+    wide = max(float(np.mean(left_out(knots, values, 4, interpolant) ** 2)) - noisy, 0.0)
     ratio = float(np.clip(np.sqrt(wide / square), LEAST_RATIO, GREATEST_RATIO))
     own = np.sqrt(np.maximum(near**2 - noisy, 0.0))
     # Of a jump both ends of its interval, and no other's, are far off.
@@ -112,7 +112,7 @@ def doubt(time: Array, knots: Array, values: Array, noise: float, interpolant: I
     return Doubt(first[kept], last[kept], scale[kept])
 
 
-def _left_out(knots: Array, values: Array, apart: int, interpolant: Interpolant) -> Array:
+def left_out(knots: Array, values: Array, apart: int, interpolant: Interpolant) -> Array:
     """Errors of readings predicted by others of which there is one every ``apart``, shape (k,); 0 near both ends."""
     error = np.zeros(len(knots))
     middle = apart // 2

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bha import names
 from bha.errors import InputError, LogError
 from bha.recordings.clock import later
-from bha.recordings.doubt import Doubt, Interpolant, doubt
+from bha.recordings.doubt import FEWEST, GAP, NOISE_SHARE, STANDS_OUT, Doubt, Interpolant, doubt, left_out
 from bha.recordings.interpolation import akima
 from bha.recordings.noise import quiet_noise
 from bha.recordings.samples import ChannelFacts
@@ -33,6 +33,10 @@ PressureSort = Literal["measured", "commanded"]
 
 #: A command that stands still for this long, s, for most of the time is one that is held between its changes.
 HELD_SECONDS, HELD_SHARE = 0.2, 0.5
+#: Readings this far apart, s, have a curve through them where that misses left-out ones by this share of the mean
+#: square by which straight lines do (two thirds where pressures rise smoothly, all of it for jumps); then samples are
+#: this close together, s.
+SLOW, CURVED, FINE = 0.03, 0.75, 0.01
 #: A quiet quarter with less than this share of the noise of the whole says that the rest was motion.
 QUIET_SHARE = 0.6
 #: A pressure that has changed over a dropout by this share of all its travel has done something that was missed.
@@ -126,25 +130,64 @@ def is_held_between(time: Array, pressures: Array, sort: PressureSort) -> bool:
     return bool(whole > 0.0 and np.sum(still[still >= HELD_SECONDS]) > HELD_SHARE * whole and len(moved) > 0)
 
 
-def between_fresh(time: Array, pressures: Array, facts: Sequence[ChannelFacts], usable: Mask) -> Array:
-    """Measured pressures with repeats of a sensor that holds taken out: a curve through its readings, (m, inputs)."""
-    if all(fact.held == 0.0 and not fact.spikes and not fact.dropouts for fact in facts):
-        return pressures
-    mended = pressures.copy()
+def between_fresh(
+    time: Array, pressures: Array, facts: Sequence[ChannelFacts], usable: Mask
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Measured pressures by their readings: a curve through those that are held or far apart, without repeats.
+
+    Args:
+        time: of the rows, s, shape (m,).
+        pressures: Pa, shape (m, inputs).
+        facts: of the inputs.
+        usable: which rows hold readings, shape (m, inputs).
+
+    Returns:
+        Time and pressures of the samples, and for each row its sample: the rows themselves, unless a curve needs more.
+    """
+    at, rows = samples_of(time, facts)
+    whole = [fact.held == 0.0 and not fact.spikes and not fact.dropouts for fact in facts]
+    if len(at) == len(time) and all(whole):
+        return at, pressures, rows
+    mended = np.empty((len(at), len(facts)))
     for k, fact in enumerate(facts):
-        if fact.held > 0.0 or fact.spikes or fact.dropouts:
-            knots, values = _readings(time, pressures[:, k], fact, usable[:, k])
-            if len(knots) >= 2:
-                mended[:, k] = _interpolant(fact)(time, knots, values)
-    return mended
+        knots, values = (time, pressures[:, k]) if whole[k] else _readings(time, pressures[:, k], fact, usable[:, k])
+        as_given = len(at) == len(time) and (whole[k] or len(knots) < 2)
+        mended[:, k] = pressures[:, k] if as_given else _interpolant(fact)(at, knots, values)
+    return at, mended, rows
+
+
+def samples_of(time: Array, facts: Sequence[ChannelFacts]) -> tuple[Array, NDArray[np.intp]]:
+    """Times of the samples that drive the arm, s, and the sample of each row: more than rows where a curve is."""
+    rows = np.arange(len(time))
+    if not any(fact.curved for fact in facts):
+        return time, rows
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    more = np.where(steps <= GAP * usual, np.ceil(steps / FINE - 1e-6), 1.0).astype(np.intp)
+    first = np.concatenate([[0], np.cumsum(more)]).astype(np.intp)
+    place = np.arange(first[-1] + 1)
+    return np.interp(place, first, time), first
+
+
+def with_curve(fact: ChannelFacts, time: Array, column: Array, usable: Mask) -> ChannelFacts:
+    """The facts of a measured pressure read in every row, with whether a curve goes through readings far apart."""
+    if fact.held > 0.0 or fact.interval < SLOW or np.min(np.diff(time), initial=1.0) <= 0.0:
+        return fact
+    knots, values = _readings(time, column, fact, usable)
+    if len(knots) < FEWEST:
+        return fact
+    straight, curve = (float(np.mean(left_out(knots, values, 2, by) ** 2)) for by in (np.interp, akima))
+    moves = straight > STANDS_OUT * NOISE_SHARE * fact.noise**2
+    return replace(fact, curved=True) if moves and curve < CURVED * straight else fact
 
 
 def left_open(
     time: Array, pressures: Array, facts: Sequence[ChannelFacts], usable: Mask, noise: Array
 ) -> tuple[Doubt, ...]:
     """What the readings of measured pressures, with their noise, leave open between them, one an input."""
+    at, _ = samples_of(time, facts)
     return tuple(
-        doubt(time, *_readings(time, pressures[:, k], fact, usable[:, k]), float(noise[k]), _interpolant(fact))
+        doubt(at, *_readings(time, pressures[:, k], fact, usable[:, k]), float(noise[k]), _interpolant(fact))
         for k, fact in enumerate(facts)
     )
 
@@ -165,13 +208,14 @@ def _readings(time: Array, column: Array, fact: ChannelFacts, usable: Mask) -> t
     good = good[later(time[good])]
     knots, values = time[good], column[good]
     # A reading that stays for longer than usual has been renewed by the same value: it changes at the end.
-    late = np.flatnonzero(np.diff(knots) > 2.5 * fact.interval) if fact.held > 0.0 else np.empty(0, dtype=int)
+    renewed = fact.held > 0.0 and not fact.filled
+    late = np.flatnonzero(np.diff(knots) > 2.5 * fact.interval) if renewed else np.empty(0, dtype=int)
     return np.insert(knots, late + 1, knots[late + 1] - fact.interval), np.insert(values, late + 1, values[late])
 
 
 def _interpolant(fact: ChannelFacts) -> Interpolant:
-    """Between readings that are held for several samples a curve, else straight lines."""
-    return akima if fact.held > 0.0 else np.interp
+    """Between readings that are held for several samples, or far apart, a curve, else straight lines."""
+    return akima if fact.held > 0.0 or fact.curved else np.interp
 
 
 def missed_spans(time: Array, pressures: Array, facts: Sequence[ChannelFacts]) -> list[tuple[float, float]]:

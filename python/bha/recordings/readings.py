@@ -75,7 +75,9 @@ class Readings:
         facts = [fact for fact, _ in judged]
         if not commanded:
             facts = [
-                pressures.with_quiet_noise(fact, self._raw[good, k])
+                pressures.with_curve(
+                    pressures.with_quiet_noise(fact, self._raw[good, k]), self.time, self._raw[:, k], good
+                )
                 for k, (fact, good) in enumerate(zip(facts, self._pressure_usable.T, strict=True))
             ]
         self.pressure_facts: tuple[ChannelFacts, ...] = tuple(facts)
@@ -129,7 +131,9 @@ class Readings:
 
     def acting_noise(self, noise: Array) -> Array:
         """The same for readings with some ``noise``, Pa, shape (inputs,)."""
-        return np.array([v / np.sqrt(1.0 - fact.held) for v, fact in zip(noise, self.pressure_facts, strict=True)])
+        samples_a_row = len(pressures.samples_of(self.time, self.pressure_facts)[0]) / len(self.time)
+        shares = np.array([1.0 - fact.held for fact in self.pressure_facts]) / samples_a_row
+        return np.asarray(noise / np.sqrt(shares))
 
     def left_open(self, noise: Array) -> tuple[Doubt, ...]:
         """What readings leave open of each pressure of ``drive`` between them; nothing where they act as steps.
@@ -153,11 +157,14 @@ class Readings:
         commanded = self.pressures.sort == "commanded"
         facts, usable = self.pressure_facts, self._pressure_usable
         curve = readings == "curve"
-        values = pressures.between_fresh(self.time, self._raw, facts, usable) if curve else self._raw
+        time, values, rows = self.time, self._raw, np.arange(len(self.time))
+        if curve:
+            time, values, rows = pressures.between_fresh(time, values, facts, usable)
         if between == "hold":
-            time, values, forces, rows = pressures.with_jumps(self.time, values, forces)
-        else:
-            time, rows = self.time, np.arange(len(self.time))
+            time, values, forces, rows = pressures.with_jumps(time, values, forces)
+        elif forces is not None and len(time) > len(self.time):
+            flat = forces.reshape(len(forces), -1)
+            forces = np.column_stack([np.interp(time, self.time, c) for c in flat.T]).reshape(-1, *forces.shape[1:])
         return Input(time, values, forces, commanded), rows
 
     @property

@@ -137,7 +137,10 @@ class Recording(Readings):
             *((f, curve) for f in self.pressure_facts),
             *((f, "its repeats do not count") for f in self.facts),
         ):
-            if fact.held > 0.0:
+            if fact.filled:
+                between = f"{fact.name} is filled in by straight lines between readings every {fact.interval:.3g} s"
+                said.append(f"{between}: {verb.replace('its repeats do', 'what lies between does')}")
+            elif fact.held > 0.0:
                 said.append(f"{fact.name} renews every {fact.interval:.3g} s: {verb}")
             if fact.frozen:
                 said.append(f"{fact.name} is frozen {self._spans(fact.frozen)}: what the arm does then does not count")
@@ -209,6 +212,8 @@ class Recording(Readings):
         """What was decided and found, in a few lines."""
         choice = self.pressures
         between = "held between changes" if choice.between_samples == "hold" else "linear between samples"
+        if any(fact.curved for fact in self.pressure_facts):
+            between = "a curve between readings"
         level = f"through pneumatics '{choice.pneumatics}'" if choice.sort == "commanded" else "acting as they are"
         lines = [
             f"{self.name} of {self.arm.name}: {len(self)} rows, {self.clock.duration:g} s, {_rate(self.clock)}",

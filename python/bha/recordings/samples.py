@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.recordings.filled import filled_in
 from bha.recordings.noise import quantum, white_noise
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ class ChannelFacts:
         unit: SI unit, empty for plain numbers.
         noise: standard deviation of the noise from reading to reading, in that unit; 0 where the channel does not tell.
         quantum: distance of neighbouring readings, 0 where they are not on a grid.
-        held: share of rows in which the sensor repeats its last reading.
+        held: share of rows in which the sensor repeats its last reading, or that are filled in between two.
         interval: median time between two readings, s.
         frozen: spans ``(from, to)``, s, in which it stands still although what it measures does not.
         dropouts: spans, s, in which its last reading is held far longer than usual.
@@ -66,6 +67,8 @@ class ChannelFacts:
         missing: share of rows without a value.
         repeat_noise: what the arm does otherwise each time, RMS over the channels of its kind, in that unit; 0 where no
             log repeats another.
+        filled: whether rows between readings were filled in by straight lines.
+        curved: whether a curve through readings, one a row, tells left-out ones better than straight lines (pressures).
     """
 
     name: str
@@ -79,6 +82,8 @@ class ChannelFacts:
     spikes: tuple[float, ...] = ()
     missing: float = 0.0
     repeat_noise: float = 0.0
+    filled: bool = False
+    curved: bool = False
 
 
 def changes(values: Array) -> Mask:
@@ -131,10 +136,14 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
     step = quantum(given[fresh])
     held = measured and is_held(at, fresh, given, step)
     readings = fresh if held else np.arange(len(given))
-    dropped = _dropouts(at, given, fresh, held=held, step=step) if measured else []
+    chords = filled_in(at, given, step) if measured and not held else None
+    if chords is not None:
+        readings = chords
+    dropped = _dropouts(at, given, fresh, held=held, step=step) if measured and chords is None else []
     lost = np.zeros(len(given), dtype=np.bool_)
     for first, last in dropped:
         lost[first:last] = True
+    held_share = 1.0 - len(readings) / len(given)
     readings = readings[~lost[readings]]
     noise = white_noise(given[readings]) if len(readings) >= FEWEST_FRESH else 0.0
     spikes = np.empty(0, dtype=np.intp)
@@ -159,11 +168,12 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
         unit=unit,
         noise=noise,
         quantum=step,
-        held=1.0 - len(fresh) / len(given) if held else 0.0,
+        held=held_share,
         interval=float(np.median(np.diff(at[readings]))) if len(readings) > 1 else 0.0,
         dropouts=tuple((float(at[a]), float(at[min(b, len(at) - 1)])) for a, b in dropped),
         spikes=tuple(float(t) for t in at[spike_rows]),
         missing=float(np.mean(~present)),
+        filled=chords is not None,
     )
     return facts, usable
 

@@ -93,7 +93,7 @@ class Stairs:
 
 def stairs(recording: Readings) -> Stairs | None:
     """What the arm tells of held pressures; None where none is held, or no output is dense enough."""
-    held = [fact for fact in recording.pressure_facts if fact.held > 0.0]
+    held = [fact for fact in recording.pressure_facts if fact.held > 0.0 and not fact.filled]
     if not held:
         return None
     renewal = max(fact.interval for fact in held)
@@ -206,7 +206,8 @@ def _liveliest(recording: Readings) -> slice:
     time = recording.time
     if time[-1] - time[0] <= LONGEST:
         return slice(0, len(time))
-    steps = np.abs(np.diff(recording.drive_by("curve", "linear")[0].pressures, axis=0)).sum(axis=1)
+    drive, at = recording.drive_by("curve", "linear")
+    steps = np.abs(np.diff(drive.pressures[at], axis=0)).sum(axis=1)
     travelled = np.concatenate([[0.0], np.cumsum(steps)])
     ends = np.searchsorted(time, time + LONGEST, side="right")
     first = int(np.argmax(travelled[ends - 1] - travelled))
