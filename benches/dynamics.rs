@@ -34,9 +34,12 @@ fn arm(sections: usize) -> Arm {
                 input: 3 * i + k,
             })
             .collect(),
+        arcs: Vec::new(),
+        masses: Vec::new(),
     };
     Arm::new(&ArmParameters {
         name: "chain".to_owned(),
+        base: None,
         gravity: [0.0, 0.0, 9.81],
         ambient_pressure: 101_325.0,
         force_model: ForceModel::EndForce,

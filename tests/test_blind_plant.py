@@ -2,12 +2,16 @@
 
 import json
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+import bha
+from bha.parameters import ArmParameters
 
 pytest.importorskip("numba")
 ROOT = Path(__file__).parents[1]
@@ -248,3 +252,36 @@ def test_parameter_file_survives_writing_and_perturbation_keeps_its_promise() ->
         assert new.terminal_area == old.terminal_area
         assert new.inertia[0] / old.inertia[0] == pytest.approx(new.mass / old.mass)
     assert no_hidden(3, np.zeros(3)).sections.shape == (3, S_COLUMNS)
+
+
+@pytest.mark.parametrize("force_model", ["end_force", "work_conjugate"])
+def test_split_and_slices_are_arcs_and_masses_of_the_core(force_model: str) -> None:
+    """Two simulators, one arm: halves that bend unevenly, and a share of the mass on slices along both."""
+    split, distributed = 0.65, 0.4
+    arm = replace(default_arm(), force_model=force_model)
+    plant = build_plant(arm, distributed=distributed)
+    hidden = no_hidden(3, np.array(arm.gravity))
+    hidden.sections[:, S_SPLIT] = split
+    mapping = tomllib.loads(format_arm(arm))
+    for section in mapping["section"]:
+        mass = section["mass"]
+        section["arcs"] = [{"length": 0.5, "bending": split}, {"length": 0.5, "bending": 1.0 - split}]
+        section["masses"] = [
+            {"share": 0.5 * (half + place), "mass": distributed * mass * share * 0.5}
+            for half in (0, 1)
+            for place, share in plant.slices
+        ]
+        section["mass"] = (1.0 - distributed) * mass
+    core = bha.Arm(ArmParameters.from_mapping(mapping))
+    model = Model(plant, hidden)
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        q, qd = rng.uniform(0.1, 0.3, 9), rng.uniform(-0.4, 0.4, 9)
+        p = rng.uniform(0.7e5, 2.2e5, 9)
+        model.evaluate(q, qd, p, np.zeros((3, 3)))
+        terms = core.dynamics_terms(q, qd, p)
+        back = model.to_arc.T
+        assert relative(back @ model.work.matrix @ model.to_arc, terms.inertia_matrix) < 1e-11
+        assert relative(back @ model.work.bias, terms.coriolis_matrix @ qd) < 1e-10
+        assert relative(back @ model.work.force, terms.actuation_force - terms.bias_force) < 1e-10
+        assert relative(model.work.head[:, :3], core.forward_kinematics(q)[0]) < 1e-12

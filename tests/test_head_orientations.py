@@ -47,7 +47,7 @@ def with_four_bellows() -> bha.Arm:
 
 
 def test_orientations_are_those_of_the_kinematics(arm: bha.Arm, swing: bha.Input) -> None:
-    twisted = arm.with_effects([TORSION, {"kind": "non_constant_curvature", "where": "section 1", "asymmetry": 0.3}])
+    twisted = arm.with_effects([TORSION, {"kind": "taper", "where": "section 1", "change": 0.3}])
     plain = bha.simulate(arm, swing, dt=0.1, method="rk4")
     found = bha.simulate(twisted, swing, dt=0.1, method="rk4")
     for model, run in ((arm, plain), (twisted, found)):

@@ -327,9 +327,7 @@ def test_observations_are_measured(method: Any) -> None:
 
 
 def test_the_tip_observed_is_the_one_that_targets_are_made_of() -> None:
-    tilted = bha.robots.load("bha_nominal").with_effects(
-        [{"kind": "non_constant_curvature", "where": "section 1", "asymmetry": 0.3}]
-    )
+    tilted = bha.robots.load("bha_nominal").with_effects([{"kind": "torsion", "where": "section 1", "stiffness": 20.0}])
     env = environments.ReachEnv(tilted)
     observation, _ = env.reset(seed=0)
     lengths = observation[:9] * env._task.length_half + env._task.length_middle

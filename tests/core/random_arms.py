@@ -14,8 +14,11 @@ from bha.parameters import ArmParameters
 Array = NDArray[np.float64]
 
 
-def random_arm_text(rng: np.random.Generator, sections: int, force_model: str) -> str:
-    """The text of a parameter file of an arm with nothing symmetric about it."""
+def random_arm_text(rng: np.random.Generator, sections: int, force_model: str, *, varied: bool = False) -> str:
+    """The text of a parameter file of an arm with nothing symmetric about it.
+
+    With ``varied`` it stands somewhere in the world and has sections of several arcs that taper and carry masses.
+    """
 
     def numbers(low: float, high: float, count: int) -> str:
         return str([float(x) for x in rng.uniform(low, high, count)])
@@ -45,7 +48,27 @@ def random_arm_text(rng: np.random.Generator, sections: int, force_model: str) -
             f"base_offset = {rng.uniform(0, 0.03)}",
             f"head_offset = {rng.uniform(0, 0.03)}",
         ]
+        if varied:
+            lines += _along(rng, areas=force_model == "work_conjugate")
+    if varied:
+        lines += ["[base]", f"position = {numbers(-1, 1, 3)}", f"rotation = {numbers(-2, 2, 3)}"]
     return "\n".join(lines)
+
+
+def _along(rng: np.random.Generator, *, areas: bool) -> list[str]:
+    """Tables of arcs and masses of a section; some sections have one arc or no masses."""
+    count = int(rng.integers(1, 5))
+    shares = rng.dirichlet(np.full(count, 3.0), 2)
+    lines = []
+    for length, bending in shares.T if rng.random() < 0.8 else ():
+        lines += ["[[section.arcs]]", f"length = {length}", f"bending = {bending}"]
+        lines += [f"relative_radius = {rng.uniform(0.8, 1.2)}"]
+        lines += [f"relative_area = {rng.uniform(0.7, 1.3)}"] if areas else []
+    for share in rng.choice([0.0, 0.2, 0.5, 0.9, 1.0], int(rng.integers(0, 4)), replace=False):
+        lines += ["[[section.masses]]", f"share = {share}", f"mass = {rng.uniform(0.05, 0.3)}"]
+        lines += [f"inertia = {[float(x) for x in rng.uniform(5e-4, 2e-3, 3)]}"]
+        lines += [f"offset = {[float(x) for x in rng.uniform(-0.03, 0.03, 3)]}"]
+    return lines
 
 
 @dataclass(frozen=True)
@@ -60,13 +83,14 @@ class Case:
     f_ext: Array
 
 
-def random_cases(seed: int, count: int, states_per_arm: int = 25) -> list[Case]:
+def random_cases(seed: int, count: int, states_per_arm: int = 25, *, varied: bool = False) -> list[Case]:
     """States of random arms of 1 to 5 sections and both force models; every fifth state is straight or nearly so."""
     rng = np.random.default_rng(seed)
     cases: list[Case] = []
     while len(cases) < count:
         sections = 1 + len(cases) // states_per_arm % 5
-        text = random_arm_text(rng, sections, ("end_force", "work_conjugate")[len(cases) // states_per_arm % 2])
+        force_model = ("end_force", "work_conjugate")[len(cases) // states_per_arm % 2]
+        text = random_arm_text(rng, sections, force_model, varied=varied)
         core = bha.Arm.from_parameters(ArmParameters.from_toml(text))
         reference = ref.parse_arm(text, "random")
         for k in range(min(states_per_arm, count - len(cases))):

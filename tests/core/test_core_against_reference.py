@@ -1,4 +1,7 @@
-"""Core and reference share no code; they must agree at random states to 1e-10, straight ones included."""
+"""Core and reference share no code; they must agree at random states to 1e-10, straight ones included.
+
+Arms as in the paper, and arms somewhere in the world whose sections are of several arcs, taper and carry masses.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,9 @@ def distance(found: Array, expected: Array) -> float:
     return float(np.abs(found - expected).max() / max(np.abs(expected).max(), 1e-12))
 
 
-@pytest.fixture(scope="module")
-def cases() -> list[Case]:
-    return random_cases(SEED, 1000)
+@pytest.fixture(scope="module", params=[False, True], ids=["as in the paper", "varied"])
+def cases(request: pytest.FixtureRequest) -> list[Case]:
+    return random_cases(SEED, 1000, varied=request.param)
 
 
 def test_terms_and_dynamics(cases: list[Case]) -> None:

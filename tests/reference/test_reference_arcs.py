@@ -157,8 +157,8 @@ def test_volume_of_tapered_bellows(section: ref.Section) -> None:
 
 def test_a_file_says_shares_and_ratios(arms: dict[str, ref.Arm], oracle: dict) -> None:
     text = str(oracle["arms"]["bha_nominal"]) + (
-        "[[section.arcs]]\nlength = 0.5\nbending = 0.75\nradius = 1.1\n"
-        "[[section.arcs]]\nlength = 0.5\nbending = 0.25\nradius = 0.9\n"
+        "[[section.arcs]]\nlength = 0.5\nbending = 0.75\nrelative_radius = 1.1\n"
+        "[[section.arcs]]\nlength = 0.5\nbending = 0.25\nrelative_radius = 0.9\n"
         "[[section.masses]]\nshare = 0.5\nmass = 0.1\n"
         "[base]\nposition = [0.0, 0.0, 1.0]\nrotation_deg = [0.0, 90.0, 0.0]\n"
     )

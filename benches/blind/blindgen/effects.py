@@ -435,7 +435,7 @@ _KINDS = (
     ),
     EffectKind("work_conjugate", ("all",), 1.0, (1.0, 1.0), "1", _nothing, _other_model),
     EffectKind("torsion", _SECTION, 1.5, (0.05, 12.0), "rad/m", _draw_torsion, _torsion, needs_heads=True),
-    EffectKind("non_constant_curvature", _SECTION, 0.2, (0.01, 0.8), "1", _draw_signed, _curvature, needs_heads=True),
+    EffectKind("taper", _SECTION, 0.2, (0.01, 0.8), "1", _draw_signed, _curvature, needs_heads=True),
     EffectKind("stiffness_drift", _SECTION, 0.08, (0.005, 0.5), "1", _draw_drift, _drift, known=False),
     EffectKind("periodic_force", ("section",), 0.6, (0.02, 8.0), "N", _draw_periodic, _periodic, known=False),
     EffectKind(

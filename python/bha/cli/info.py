@@ -55,7 +55,7 @@ def _facts(arm: Arm) -> dict[str, Any]:
         "name": arm.name,
         "sections": arm.section_count,
         "inputs": list(arm.inputs),
-        "mass": sum(section.mass for section in parameters.sections),
+        "mass": sum(section.total_mass for section in parameters.sections),
         "force_model": parameters.force_model,
         "rotational_energy": parameters.rotational_energy,
         "coriolis_forces": parameters.coriolis_forces,
@@ -82,8 +82,9 @@ def _place(value: StatedValue, parameters: ArmParameters) -> str:
     if value.sensor is not None:
         return value.sensor
     if value.section is None:
-        return "arm"
-    return str(value.section) if value.bellows is None else f"{value.section}, bellows {value.bellows}"
+        return value.part or "arm"
+    part = value.part if value.bellows is None else f"bellows {value.bellows}"
+    return str(value.section) if part is None else f"{value.section}, {part}"
 
 
 def _word(switch: bool) -> str:

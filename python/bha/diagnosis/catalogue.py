@@ -210,9 +210,9 @@ PLANS: tuple[KindPlan, ...] = (
         begin=_torsion_start,
         needs_heads=True,
     ),
-    KindPlan(
-        "non_constant_curvature", SECTION, (Strength("asymmetry", 0.2, signed=True),), parts="section", needs_heads=True
-    ),
+    # Lengths see it by the weights' lever arms alone, and then as something else.
+    KindPlan("taper", SECTION, (Strength("change", 0.2, signed=True),), parts="section", needs_heads=True),
+    KindPlan("distributed_mass", SECTION, (Strength("share", 0.2),), parts="section"),
 )
 
 

@@ -43,7 +43,8 @@ EXPERIMENTS: dict[str, str] = {
     "length_gain": "one bellows moved over its range beside a ruler",
     "work_conjugate": "large bends at constant pressure: the two force models differ by terms in the bend",
     "torsion": "measure the orientation of the heads",
-    "non_constant_curvature": "measure head positions at large bends",
+    "taper": "measure head positions at large bends",
+    "distributed_mass": "swings along the arm and across it: what lies half way moves half as far",
 }
 
 

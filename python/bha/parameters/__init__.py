@@ -1,11 +1,14 @@
 """Parameter files: the TOML description of an arm, schema ``bha-arm/1``.
 
-``provenance.py`` says where a value comes from, ``bellows.py``, ``section.py``, ``pneumatics.py``, ``sensors.py``,
-``effect.py`` and ``arm.py`` are the tables of the file, ``messages.py`` turns what is wrong into errors a person can
-act on, ``place.py`` the places that effects name, ``document.py`` writes back without losing comments or order.
+``provenance.py`` says where a value comes from, ``base_pose.py``, ``bellows.py``, ``along.py``, ``section.py``,
+``pneumatics.py``, ``sensors.py``, ``effect.py`` and ``arm.py`` are the tables of the file, ``messages.py`` turns what
+is wrong into errors a person can act on, ``place.py`` the places that effects name, ``document.py`` writes back without
+losing comments or order.
 """
 
+from bha.parameters.along import PointMassParameters, SectionArcParameters
 from bha.parameters.arm import SCHEMA, ArmParameters, ForceModel, StatedValue
+from bha.parameters.base_pose import BaseParameters
 from bha.parameters.bellows import BellowsParameters, ResolvedBellows
 from bha.parameters.effect import EFFECT_KINDS, EffectKind, EffectParameter, EffectParameters
 from bha.parameters.place import Place
@@ -18,6 +21,7 @@ __all__ = [
     "EFFECT_KINDS",
     "SCHEMA",
     "ArmParameters",
+    "BaseParameters",
     "BellowsParameters",
     "EffectKind",
     "EffectParameter",
@@ -28,8 +32,10 @@ __all__ = [
     "Place",
     "PneumaticsLevel",
     "PneumaticsParameters",
+    "PointMassParameters",
     "Provenance",
     "ResolvedBellows",
+    "SectionArcParameters",
     "SectionParameters",
     "SensorsParameters",
     "StatedValue",

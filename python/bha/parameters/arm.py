@@ -15,7 +15,9 @@ from pydantic import PrivateAttr, ValidationError, model_validator
 
 from bha.errors import ParameterError, ParameterWarning
 from bha.parameters import messages
-from bha.parameters.base import NotNegative, Switch, Table, Vector3, key
+from bha.parameters.along import has_several_areas
+from bha.parameters.base import NotNegative, Switch, Table, Vector3, key, table_error
+from bha.parameters.base_pose import BaseParameters
 from bha.parameters.document import merged_toml
 from bha.parameters.effect import EffectParameters, check_effects
 from bha.parameters.pneumatics import PneumaticsParameters
@@ -27,7 +29,7 @@ from bha.parameters.provenance import (
     provenance_key,
     provenance_mapping,
 )
-from bha.parameters.section import SectionParameters
+from bha.parameters.section import TABLES_OF_A_SECTION, SectionParameters
 from bha.parameters.sensors import LengthSensorParameters, SensorsParameters, check_length_sensors
 from bha.support.files import written_whole
 
@@ -37,7 +39,7 @@ MOST_SECTIONS = 256
 #: Bytes of a parameter file; what is larger is something else, such as a log.
 LARGEST_FILE = 16 << 20
 ForceModel = Literal["end_force", "work_conjugate"]
-_TABLES = ("pneumatics", "sections", "sensors", "length_sensors", "effects", "provenance")
+_TABLES = ("base", "pneumatics", "sections", "sensors", "length_sensors", "effects", "provenance")
 _NOT_VALUES = ("schema_name", "name", *_TABLES)
 
 
@@ -50,6 +52,7 @@ class StatedValue:
         bellows: number of its bellows within the section, from 1; None for values of the section.
         effect: number of its effect, from 1; None for values that belong to no effect.
         sensor: its table among the sensors, ``"sensors"`` or ``"length sensor wire1"``; None for other values.
+        part: another table it stands in, ``"base"``, or ``"arc 2"`` or ``"mass 1"`` of its section; None for the rest.
         key: its name in the file.
         value: number, text, switch or tuple of numbers.
         unit: unit of the value as text, empty where it has none.
@@ -64,6 +67,7 @@ class StatedValue:
     provenance: Provenance
     effect: int | None = None
     sensor: str | None = None
+    part: str | None = None
 
 
 class ArmParameters(Table):
@@ -74,12 +78,15 @@ class ArmParameters(Table):
 
     schema_name: Literal["bha-arm/1"] = key(f'"{SCHEMA}"', alias="schema")
     name: str = key("a text of 1 to 200 characters", min_length=1, max_length=200)
-    gravity: Vector3 = key("[x, y, z], numbers (m/s^2), in the base frame", unit="m/s^2")
+    gravity: Vector3 = key(
+        "[x, y, z], numbers (m/s^2), in the world, which is the base's frame unless [base] says otherwise", unit="m/s^2"
+    )
     ambient_pressure: NotNegative = key("a number >= 0 (Pa)", unit="Pa")
     force_model: ForceModel = key(" or ".join(f'"{name}"' for name in get_args(ForceModel)), default="end_force")
     rotational_energy: Switch = key("true or false", default=True)
     coriolis_forces: Switch = key("true or false", default=True)
     provenance: ProvenanceTable = provenance_key()
+    base: BaseParameters | None = key("a [base] table; left out: the world's frame is that of the base", default=None)
     pneumatics: PneumaticsParameters | None = key("a [pneumatics] table; left out: ideal pressures", default=None)
     sections: tuple[SectionParameters, ...] = key(
         f"one [[section]] table, in double brackets, per section of the arm, at most {MOST_SECTIONS}",
@@ -89,7 +96,7 @@ class ArmParameters(Table):
     )
 
     sensors: SensorsParameters | None = key(
-        "a [sensors] table; left out: heads are measured in the base frame, lengths at the bellows", default=None
+        "a [sensors] table; left out: heads are measured in the world's frame, lengths at the bellows", default=None
     )
     length_sensors: tuple[LengthSensorParameters, ...] = key(
         "[[length_sensor]] tables, in double brackets, one per wire or other length that a log has",
@@ -107,11 +114,26 @@ class ArmParameters(Table):
     def _check(self) -> Self:
         stated = {name: value for name, value in self if name not in _NOT_VALUES}
         check_provenance(self.provenance, stated)
+        self._check_areas()
         check_length_sensors(self.length_sensors, len(self.sections))
         as_coordinates = self.sensors is not None and self.sensors.lengths == "coordinates"
         measured = [as_coordinates or section.has_standard_bellows for section in self.sections]
         check_effects(self.effects, [len(s.resolved_bellows(1)) for s in self.sections], self.inputs, measured)
         return self
+
+    def _check_areas(self) -> None:
+        for number, section in enumerate(self.sections, start=1):
+            if self.force_model == "end_force" and has_several_areas(section.arcs):
+                raise table_error(
+                    f'found "end_force" with areas that differ along section {number}: in (27) a bellows pushes both '
+                    'of its ends with one force; allowed: force_model = "work_conjugate", or one relative_area',
+                    "force_model",
+                )
+
+    @property
+    def base_pose(self) -> BaseParameters:
+        """Where the base stands in the world, (12); at its origin where the file does not say."""
+        return self.base or BaseParameters()
 
     def __eq__(self, other: object) -> bool:
         """Whether all values and their provenance are equal; comments and order of the file do not matter."""
@@ -201,6 +223,8 @@ class ArmParameters(Table):
         mapping = _stated_mapping(self, set(_TABLES))
         if self.provenance:
             mapping["provenance"] = provenance_mapping(self.provenance)
+        if self.base is not None:
+            mapping["base"] = _table_mapping(self.base)
         if self.pneumatics is not None:
             mapping["pneumatics"] = _table_mapping(self.pneumatics)
         mapping["section"] = [section_mapping(section) for section in self.sections]
@@ -270,6 +294,7 @@ class ArmParameters(Table):
                 "bending_stiffness": (*section.bending_stiffness, 0.0)[:2],
                 "length_range": section.length_range,
                 "bellows": [{**vars(b), "input": index[b.input]} for b in section.resolved_bellows(number)],
+                **{name: [entry.to_core() for entry in along] for name, along in section.along.items() if along},
             }
             for number, section in enumerate(self.sections, start=1)
         ]
@@ -284,6 +309,8 @@ class ArmParameters(Table):
             "section": sections,
             "effect": [effect.to_core() for effect in self.effects],
         }
+        if self.base is not None:
+            core["base"] = {"position": self.base.position, "rotation": self.base.rotation_rad}
         if self.pneumatics is not None:
             core["pneumatics"] = self.pneumatics.to_core()
         return json.dumps(core, allow_nan=False)
@@ -291,12 +318,18 @@ class ArmParameters(Table):
     def stated_values(self) -> Iterator[StatedValue]:
         """Every value the file states, in its order of tables, with where it comes from."""
         yield from _stated(self, None, None, set(_NOT_VALUES))
+        if self.base is not None:
+            yield from _stated(self.base, None, None, {"provenance"}, part="base")
         if self.pneumatics is not None:
             yield from _stated(self.pneumatics, None, None, {"provenance"})
         for number, section in enumerate(self.sections, start=1):
-            yield from _stated(section, number, None, {"bellows", "provenance"})
+            yield from _stated(section, number, None, set(TABLES_OF_A_SECTION))
             for place, bellows in enumerate(section.bellows or (), start=1):
                 yield from _stated(bellows, number, place, {"provenance"})
+            for place, arc in enumerate(section.arcs, start=1):
+                yield from _stated(arc, number, None, {"provenance"}, part=f"arc {place}")
+            for place, mass in enumerate(section.masses, start=1):
+                yield from _stated(mass, number, None, {"provenance"}, part=f"mass {place}")
         if self.sensors is not None:
             yield from _stated(self.sensors, None, None, {"provenance"}, sensor="sensors")
         for sensor in self.length_sensors:
@@ -312,22 +345,33 @@ class ArmParameters(Table):
 
 def section_mapping(section: SectionParameters) -> dict[str, Any]:
     """The ``[[section]]`` table as it stands in a file."""
-    table = _stated_mapping(section, {"provenance", "bellows"})
+    table = _stated_mapping(section, set(TABLES_OF_A_SECTION))
     if section.provenance:
         table["provenance"] = provenance_mapping(section.provenance)
     if section.bellows is not None:
         table["bellows"] = [_table_mapping(bellows) for bellows in section.bellows]
+    if section.arcs:
+        table["arcs"] = [_table_mapping(arc) for arc in section.arcs]
+    if section.masses:
+        table["masses"] = [_table_mapping(mass) for mass in section.masses]
     return table
 
 
 def _stated(
-    table: Any, section: int | None, bellows: int | None, skip: set[str], *, sensor: str | None = None
+    table: Any,
+    section: int | None,
+    bellows: int | None,
+    skip: set[str],
+    *,
+    sensor: str | None = None,
+    part: str | None = None,
 ) -> Iterator[StatedValue]:
     for name, field in type(table).model_fields.items():
         if name in table.model_fields_set and name not in skip and getattr(table, name) is not None:
             provenance = table.provenance.get(name, ASSUMED)
             unit = field.json_schema_extra["unit"]
-            yield StatedValue(section, bellows, name, getattr(table, name), unit, provenance, sensor=sensor)
+            value = getattr(table, name)
+            yield StatedValue(section, bellows, name, value, unit, provenance, sensor=sensor, part=part)
 
 
 def _table_mapping(table: Any) -> dict[str, Any]:

@@ -13,6 +13,8 @@ path                                           number
 ``section.1.bending_stiffness.1``              k1 (``.2``: k3), N m
 ``section.1.center_of_mass.z``                 an entry of a vector
 ``section.1.bellows.3.rest_length``            a value of one bellows only
+``section.1.masses.2.mass``                    of a mass along a section; ``share``
+``base.position.x``                            of the base in the world, m; ``rotation``: rotation vector, rad
 ``effect.1.time_constant``                     a number of an effect, if the arm has effects
 ``sensors.camera_position.z``                  of the camera; ``camera_rotation``: rotation vector, rad
 ``length_sensor.1.offset``                     of a length sensor; ``angle`` (rad), ``radius``
@@ -39,6 +41,7 @@ from bha.arrays import floats
 from bha.errors import InputError, ParameterError
 from bha.parameters.arm import ArmParameters, section_mapping
 from bha.parameters.base import nearest
+from bha.parameters.base_pose import BaseParameters
 from bha.parameters.section import STANDARD_ANGLES_DEG, SectionParameters
 from bha.parameters.sensors import SensorsParameters
 
@@ -60,9 +63,13 @@ _SECTION_NUMBERS = (
     "head_offset",
 )
 _BELLOWS_NUMBERS = ("radius", "terminal_area", "rest_length", "damping")
+_BASE_VECTORS = ("position", "rotation")
+_MASS_NUMBERS = ("mass", "share")
 _SENSORS_VECTORS = ("camera_position", "camera_rotation")
 _LENGTH_SENSOR_NUMBERS = ("angle", "radius", "offset")
 _UNITS = {
+    "position": "m",
+    "rotation": "rad",
     "camera_position": "m",
     "camera_rotation": "rad",
     "angle": "rad",
@@ -126,6 +133,9 @@ def available(parameters: ArmParameters) -> tuple[str, ...]:
         for count, bellows in enumerate(section.resolved_bellows(number), start=1):
             paths += [f"{place}.bellows.{count}.{name}" for name in _BELLOWS_NUMBERS]
             paths += [f"{place}.bellows.{count}.stiffness.{k + 1}" for k in range(len(bellows.stiffness))]
+        paths += [f"{place}.masses.{k + 1}.{name}" for k in range(len(section.masses)) for name in _MASS_NUMBERS]
+    if parameters.base is not None:
+        paths += [f"base.{name}.{axis}" for name in _BASE_VECTORS for axis in AXES]
     if parameters.sensors is not None:
         paths += [f"sensors.{name}.{axis}" for name in _SENSORS_VECTORS for axis in AXES]
     for count in range(1, len(parameters.length_sensors) + 1):
@@ -153,7 +163,7 @@ def expand(parameters: ArmParameters, path: str) -> tuple[str, ...]:
     return found
 
 
-def get_value(  # noqa: PLR0911  (a table of cases)
+def get_value(  # noqa: PLR0911, PLR0912  (a table of cases)
     parameters: ArmParameters, path: str
 ) -> float:
     """The number at a path; that of a bellows includes what it inherits, a power beyond a polynomial's terms is 0.
@@ -177,6 +187,15 @@ def get_value(  # noqa: PLR0911  (a table of cases)
                     raise ParameterError(
                         f"{parameters.name}: {path}: {default}; state {name} in effect {number} of the file first"
                     )
+        case ["base", name, axis] if name in _BASE_VECTORS and axis in AXES:
+            base = parameters.base or BaseParameters()
+            vector = base.position if name == "position" else base.rotation_rad
+            return float(vector[AXES.index(axis)])
+        case ["section", number, "masses", place, name] if name in _MASS_NUMBERS:
+            section, _ = _section(parameters, number, path)
+            index = _index(place, len(section.masses))
+            if index is not None:
+                return float(getattr(section.masses[index], name))
         case ["sensors", name, axis] if name in _SENSORS_VECTORS and axis in AXES:
             sensors = parameters.sensors or SensorsParameters()
             vector = sensors.camera_position if name == "camera_position" else sensors.camera_rotation_rad
@@ -274,12 +293,12 @@ def table_of(mapping: Mapping[str, Any], path: str) -> tuple[Any, str, int | Non
     """
     steps = path.split(".")
     table: Any = mapping
-    if steps[0] == "sensors":
-        table, steps = mapping["sensors"], steps[1:]
+    if steps[0] in ("base", "sensors"):
+        table, steps = mapping[steps[0]], steps[1:]
     elif steps[0] in ("section", "effect", "length_sensor"):
         table, steps = mapping[steps[0]][int(steps[1]) - 1], steps[2:]
-    if steps[0] == "bellows":
-        table, steps = table["bellows"][int(steps[1]) - 1], steps[2:]
+    if steps[0] in ("bellows", "masses"):
+        table, steps = table[steps[0]][int(steps[1]) - 1], steps[2:]
     place = None if len(steps) == 1 else AXES.index(steps[1]) if steps[1] in AXES else int(steps[1]) - 1
     return table, steps[0], place
 
@@ -295,6 +314,9 @@ def _set(parameters: ArmParameters, mapping: dict[str, Any], steps: list[str], v
         else:
             inherited = {name: getattr(section, name) for name in (*_SECTION_LISTS, "center_of_mass")}
             inherited["inertia"] = section.resolved_inertia()
+    elif steps[0] == "base":
+        _state_in_radians(mapping.setdefault("base", {}), "rotation")
+        inherited = dict.fromkeys(_BASE_VECTORS, (0.0, 0.0, 0.0))
     elif steps[0] == "sensors":
         _state_in_radians(mapping.setdefault("sensors", {}), "camera_rotation")
         inherited = dict.fromkeys(_SENSORS_VECTORS, (0.0, 0.0, 0.0))

@@ -5,8 +5,8 @@ follow a rigid piece of length ``base_offset``, the bending part, whose length i
 lengths, and a rigid piece of length ``head_offset``; the head frame is at the end of the latter. ``center_of_mass`` is
 given in the head frame.
 
-Source: Falkenhahn et al. 2015, sections II and IV; inertia (56). The offsets, the free layout of bellows and the
-cubic term of the bending moment go beyond the paper.
+Source: Falkenhahn et al. 2015, sections II and IV; inertia (56). The offsets, the free layout of bellows, the masses
+along the section and the cubic term of the bending moment go beyond the paper.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import model_validator
 
 from bha.names import pressure_name
+from bha.parameters.along import MOST_ALONG, PointMassParameters, SectionArcParameters, check_arcs
 from bha.parameters.base import (
     NotNegative,
     NotNegativeRange,
@@ -38,6 +39,8 @@ from bha.parameters.provenance import ProvenanceTable, check_provenance, provena
 T = TypeVar("T")
 
 STANDARD_ANGLES_DEG = (0.0, 120.0, 240.0)
+#: Keys of a section that are tables of their own.
+TABLES_OF_A_SECTION = ("bellows", "arcs", "masses", "provenance")
 # Angles written in radians are rounded.
 _SAME_ANGLE = 1e-6
 # Made once: checking these tables again and again took a third of the time in which an arm is built.
@@ -75,15 +78,25 @@ class SectionParameters(Table):
     bellows: tuple[BellowsParameters, ...] | None = key(
         "1 to 12 [[section.bellows]] tables, in double brackets", default=None, min_length=1, max_length=12
     )
+    arcs: tuple[SectionArcParameters, ...] = key(
+        f"1 to {MOST_ALONG} [[section.arcs]] tables, in double brackets; left out: one arc",
+        default=(),
+        max_length=MOST_ALONG,
+    )
+    masses: tuple[PointMassParameters, ...] = key(
+        f"at most {MOST_ALONG} [[section.masses]] tables, in double brackets", default=(), max_length=MOST_ALONG
+    )
     provenance: ProvenanceTable = provenance_key()
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        stated = {name: value for name, value in self if value is not None and name not in ("bellows", "provenance")}
+        stated = {name: value for name, value in self if value is not None and name not in TABLES_OF_A_SECTION}
         check_provenance(self.provenance, stated)
         if self.inertia is None and self.bellows_outer_radius is None:
             message = "missing; give inertia, or bellows_outer_radius so that (56) gives the inertia"
             raise table_error(message, "inertia")
+        if self.arcs:
+            check_arcs(self.arcs)
         self._check_layout()
         return self
 
@@ -100,6 +113,16 @@ class SectionParameters(Table):
                 "one place and bending_stiffness is zero; allowed: bellows not all in one line, or a bending stiffness",
                 "bellows",
             )
+
+    @property
+    def along(self) -> dict[str, tuple[SectionArcParameters, ...] | tuple[PointMassParameters, ...]]:
+        """The tables of what differs along the section, by their keys."""
+        return {"arcs": self.arcs, "masses": self.masses}
+
+    @property
+    def total_mass(self) -> float:
+        """All mass of the section, that along it included, kg."""
+        return self.mass + sum(mass.mass for mass in self.masses)
 
     def resolved_inertia(self) -> tuple[float, float, float]:
         """Moments of inertia (Jx, Jy, Jz) in the head frame, kg m^2; those of (56) where the file leaves them out."""

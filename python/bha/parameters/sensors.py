@@ -45,15 +45,15 @@ class SensorsParameters(Table):
     """The ``[sensors]`` table: the frame in which heads are measured, and what columns of lengths mean."""
 
     camera_position: Vector3 = key(
-        "[x, y, z], numbers (m): the origin of the camera's frame, in the base frame", unit="m", default=(0.0, 0.0, 0.0)
+        "[x, y, z], numbers (m): the origin of the camera's frame, in the world", unit="m", default=(0.0, 0.0, 0.0)
     )
     camera_rotation: Vector3 | None = key(
-        "[x, y, z], numbers (rad): rotation vector in the base frame; give camera_rotation or camera_rotation_deg",
+        "[x, y, z], numbers (rad): rotation vector in the world; give camera_rotation or camera_rotation_deg",
         unit="rad",
         default=None,
     )
     camera_rotation_deg: Vector3 | None = key(
-        "[x, y, z], numbers (degrees): rotation vector in the base frame; give camera_rotation or camera_rotation_deg",
+        "[x, y, z], numbers (degrees): rotation vector in the world; give camera_rotation or camera_rotation_deg",
         unit="deg",
         default=None,
     )
@@ -91,7 +91,7 @@ class SensorsParameters(Table):
 
     @property
     def camera_rotation_rad(self) -> tuple[float, float, float]:
-        """Rotation vector of the camera in the base frame, rad."""
+        """Rotation vector of the camera in the world, rad."""
         if self.camera_rotation_deg is not None:
             x, y, z = self.camera_rotation_deg
             return (math.radians(x), math.radians(y), math.radians(z))

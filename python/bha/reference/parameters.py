@@ -315,7 +315,9 @@ def _arcs(tables: list[_Table], bellows_radius: float, terminal_area: float) -> 
     stated = []
     for table in tables:
         length, bending = table.number("length", positive=True), table.number("bending")
-        stated.append((length, bending, table.number("radius", default=1.0), table.number("area", default=1.0)))
+        stated.append(
+            (length, bending, table.number("relative_radius", default=1.0), table.number("relative_area", default=1.0))
+        )
         table.refuse_the_rest(set())
     if not stated:
         return ()

@@ -1,7 +1,7 @@
 //! Arms of one structure put together number by number: in lanes, or as a value with its derivatives.
 //!
-//! Two arms have one structure if they differ in numbers alone: the same sections, bellows, inputs, switches and kinds and
-//! places of effects.
+//! Two arms have one structure if they differ in numbers alone: the same sections, arcs, masses, bellows, inputs, switches and
+//! kinds and places of effects.
 
 use super::Arm;
 use crate::body::{Body, Section};
@@ -35,6 +35,8 @@ pub fn same_structure(a: &Arm, b: &Arm) -> bool {
     let switches = |a: &Body| (a.force_model, a.rotational_energy, a.coriolis_forces, a.inputs, a.sections.len());
     let section = |(s, t): (&Section<f64>, &Section<f64>)| {
         s.products_of_inertia.is_some() == t.products_of_inertia.is_some()
+            && s.taper.is_some() == t.taper.is_some()
+            && (s.arcs.len(), s.masses.len()) == (t.arcs.len(), t.masses.len())
             && s.bellows.len() == t.bellows.len()
             && s.bellows
                 .iter()

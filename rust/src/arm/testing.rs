@@ -1,7 +1,10 @@
 //! Random arms and states for property tests.
 
 use crate::arm::Arm;
-use crate::body::parameters::{ArmParameters, BellowsParameters, ForceModel, SectionParameters};
+use crate::body::parameters::{
+    ArmParameters, BaseParameters, BellowsParameters, ForceModel, PointMassParameters, SectionArcParameters,
+    SectionParameters,
+};
 use proptest::prelude::*;
 
 /// Unit numbers in [0, 1) from which a state is made once the arm's size is known.
@@ -32,7 +35,38 @@ impl Seed {
     }
 }
 
-fn section(index: usize, x: &[f64]) -> SectionParameters {
+/// Three arcs that differ, for about half of the sections.
+fn arcs(x: &[f64], force_model: ForceModel) -> Vec<SectionArcParameters> {
+    if x[0] < 0.5 {
+        return Vec::new();
+    }
+    let share = |a: f64, b: f64, c: f64| [a, b, c].map(|k| (k + 0.2) / (a + b + c + 0.6));
+    let (length, bending) = (share(x[1], x[2], x[3]), share(x[4], x[5], x[6]));
+    let conjugate = force_model == ForceModel::WorkConjugate;
+    let arc = |k: usize| SectionArcParameters {
+        length: length[k],
+        bending: bending[k],
+        relative_radius: 0.8 + 0.4 * x[7 + k],
+        relative_area: if conjugate { 0.7 + 0.6 * x[9 - k] } else { 1.0 },
+    };
+    (0..3).map(arc).collect()
+}
+
+/// Two masses along about half of the sections.
+fn masses(x: &[f64]) -> Vec<PointMassParameters> {
+    if x[0] < 0.5 {
+        return Vec::new();
+    }
+    let mass = |k: usize| PointMassParameters {
+        share: x[1 + k],
+        mass: 0.1 + 0.3 * x[3 + k],
+        inertia: [1e-3 * x[5 + k], 2e-3 * x[6 + k], 3e-3 * x[7 - k]],
+        offset: [0.04 * (x[4 + k] - 0.5), 0.04 * (x[5 - k] - 0.5), 0.04 * (x[3 - k] - 0.5)],
+    };
+    (0..2).map(mass).collect()
+}
+
+fn section(index: usize, x: &[f64], force_model: ForceModel) -> SectionParameters {
     let radius = 0.05 + 0.07 * x[0];
     let bellows = (0..3)
         .map(|k| BellowsParameters {
@@ -56,12 +90,23 @@ fn section(index: usize, x: &[f64]) -> SectionParameters {
         bending_stiffness: [1.0 + 3.0 * x[16], 0.3 * x[17]],
         length_range: [0.1, 0.3],
         bellows,
+        arcs: arcs(&x[18..], force_model),
+        masses: masses(&x[28..]),
     }
 }
 
-fn parameters(sections: &[Vec<f64>], gravity: [f64; 3], force_model: ForceModel) -> ArmParameters {
+/// Numbers that a section is made from.
+const NUMBERS: usize = 37;
+
+fn parameters(
+    sections: &[Vec<f64>],
+    base: Option<BaseParameters>,
+    gravity: [f64; 3],
+    force_model: ForceModel,
+) -> ArmParameters {
     ArmParameters {
         name: "random".to_owned(),
+        base,
         gravity,
         ambient_pressure: 101_325.0,
         force_model,
@@ -69,16 +114,31 @@ fn parameters(sections: &[Vec<f64>], gravity: [f64; 3], force_model: ForceModel)
         coriolis_forces: true,
         inputs: (0..3 * sections.len()).map(|k| format!("p{k}")).collect(),
         pneumatics: None,
-        section: sections.iter().enumerate().map(|(i, x)| section(i, x)).collect(),
+        section: sections.iter().enumerate().map(|(i, x)| section(i, x, force_model)).collect(),
         effect: Vec::new(),
     }
 }
 
-/// Strategy for the parameters of arms of 1 to 5 sections.
+/// Strategy for the parameters of arms of 1 to 5 sections, some of several arcs and with masses along them, anywhere.
 pub fn arm_parameters() -> impl Strategy<Value = ArmParameters> {
-    let sections = prop::collection::vec(prop::collection::vec(0.0..1.0_f64, 18), 1..=5);
-    (sections, prop::array::uniform3(-9.81..9.81_f64), any::<bool>()).prop_map(|(sections, gravity, end_force)| {
-        parameters(&sections, gravity, if end_force { ForceModel::EndForce } else { ForceModel::WorkConjugate })
+    let sections = prop::collection::vec(prop::collection::vec(0.0..1.0_f64, NUMBERS), 1..=5);
+    let (triple, switch) = (prop::array::uniform3, any::<bool>);
+    let base = (switch(), triple(-1.0..1.0_f64), triple(-2.0..2.0_f64))
+        .prop_map(|(stated, position, rotation)| stated.then_some(BaseParameters { position, rotation }));
+    (sections, base, triple(-9.81..9.81_f64), switch()).prop_map(|(sections, base, gravity, end_force)| {
+        let force_model = if end_force { ForceModel::EndForce } else { ForceModel::WorkConjugate };
+        parameters(&sections, base, gravity, force_model)
+    })
+}
+
+/// Strategy for the same with one arc a section and all mass at the heads, at the world's origin: as in the paper.
+pub fn plain_arm_parameters() -> impl Strategy<Value = ArmParameters> {
+    arm_parameters().prop_map(|mut p| {
+        p.base = None;
+        for section in &mut p.section {
+            (section.arcs, section.masses) = (Vec::new(), Vec::new());
+        }
+        p
     })
 }
 
@@ -90,6 +150,8 @@ pub fn arms() -> impl Strategy<Value = Arm> {
 /// One hanging arm of `sections` sections, always the same.
 pub fn fixed_parameters(sections: usize) -> ArmParameters {
     let unit = |i: usize, k: usize| 0.5 + 0.4 * ((7 * i + 3 * k) as f64).sin();
-    let sections: Vec<Vec<f64>> = (0..sections).map(|i| (0..18).map(|k| unit(i, k)).collect()).collect();
-    parameters(&sections, [0.0, 0.0, 9.81], ForceModel::WorkConjugate)
+    // The rest is zero: one arc, no masses along it.
+    let numbers = |i| (0..NUMBERS).map(|k| if k < 18 { unit(i, k) } else { 0.0 }).collect();
+    let sections: Vec<Vec<f64>> = (0..sections).map(numbers).collect();
+    parameters(&sections, None, [0.0, 0.0, 9.81], ForceModel::WorkConjugate)
 }

@@ -3,13 +3,18 @@
 //! Validated and immutable: [`parameters`] is what a file says, [`Body`] what the equations read. Pneumatics and effects are
 //! no part of it; `arm::Arm` puts them beside it.
 
+mod along;
+mod base;
 mod check;
 pub mod parameters;
 mod section;
 
+pub use along::{MOST_ALONG, PointMass, SectionArc, Taper};
+pub use base::Base;
 pub use parameters::ForceModel;
 pub use section::{BELLOWS_PER_SECTION, Bellows, STIFFNESS_TERMS, Section};
 
+use self::along::normalized;
 use self::check::{finite, not_negative};
 use self::parameters::ArmParameters;
 use crate::error::{Error, Result};
@@ -22,7 +27,9 @@ pub const MOST_SECTIONS: usize = 256;
 /// Sections, and what holds for all of them.
 #[derive(Clone, Debug)]
 pub struct Body<T = f64> {
-    /// Gravity in the base frame, m/s^2.
+    /// Where the base stands in the world.
+    pub base: Base<T>,
+    /// Gravity in the world, m/s^2.
     pub gravity: Vec3<T>,
     /// Ambient pressure, Pa.
     pub ambient_pressure: T,
@@ -59,9 +66,20 @@ impl Body<f64> {
         let mut sections = Vec::with_capacity(parameters.section.len());
         for (i, p) in parameters.section.iter().enumerate() {
             sections.push(Section::new(i, p, radius_below, parameters.inputs.len())?);
-            radius_below = p.bellows_radius;
+            radius_below = p.bellows_radius * sections[i].taper.map_or(1.0, |t| t.head_radius);
+        }
+        for (i, section) in sections.iter().enumerate() {
+            if parameters.force_model == ForceModel::EndForce && section.has_several_areas() {
+                return Err(Error::Parameter {
+                    place: format!("section {}", i + 1),
+                    key: "relative_area",
+                    found: "areas that differ along the section".to_owned(),
+                    allowed: "with end_force a bellows pushes both ends with one force, (27); work_conjugate is needed",
+                });
+            }
         }
         Ok(Self {
+            base: Base::new(parameters.base.as_ref())?,
             gravity: Vec3(parameters.gravity),
             ambient_pressure: not_negative("arm", "ambient_pressure", parameters.ambient_pressure)?,
             force_model: parameters.force_model,
@@ -75,6 +93,7 @@ impl Body<f64> {
     /// The body with `c` of every number, which are visited in a fixed order.
     pub fn map<T: Real>(&self, c: impl Fn(f64) -> T + Copy) -> Body<T> {
         Body {
+            base: self.base.map(c),
             gravity: Vec3(self.gravity.0.map(c)),
             ambient_pressure: c(self.ambient_pressure),
             force_model: self.force_model,
@@ -86,7 +105,29 @@ impl Body<f64> {
     }
 }
 
+impl<T: Real> Body<T> {
+    /// Gives section `i` other arcs, whose shares are taken by their sums and whose radii and areas by their means.
+    pub fn set_arcs(&mut self, i: usize, arcs: Vec<SectionArc<T>>) {
+        let (arcs, taper) = normalized(arcs);
+        let section = &mut self.sections[i];
+        section.arcs = arcs;
+        if let Some(old) = section.taper.replace(taper) {
+            if let Some(above) = self.sections.get_mut(i + 1) {
+                above.reaction_scale *= taper.head_radius / old.head_radius;
+            }
+        } else {
+            section.taper = None;
+        }
+    }
+}
+
 impl<T> Body<T> {
+    /// Number of masses along the sections, besides those at the heads.
+    #[inline(always)]
+    pub fn masses(&self) -> usize {
+        self.sections.iter().map(|s| s.masses.len()).sum()
+    }
+
     /// Number of coordinates, three a section.
     #[inline(always)]
     pub fn coordinates(&self) -> usize {

@@ -22,7 +22,10 @@ pub enum ForceModel {
 pub struct ArmParameters {
     /// Name of the arm.
     pub name: String,
-    /// Gravity in the base frame, m/s^2.
+    /// Where the base stands in the world; the world's frame is the base's without.
+    #[serde(default)]
+    pub base: Option<BaseParameters>,
+    /// Gravity in the world, m/s^2.
     pub gravity: [f64; 3],
     /// Ambient pressure, Pa absolute.
     pub ambient_pressure: f64,
@@ -102,6 +105,44 @@ pub struct PneumaticsParameters {
     pub feed_forward: Option<f64>,
 }
 
+/// Pose of the base in the world, paper (12).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BaseParameters {
+    /// Its origin, m.
+    pub position: [f64; 3],
+    /// Rotation vector, rad.
+    pub rotation: [f64; 3],
+}
+
+/// One of several arcs that make a section, from its base on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SectionArcParameters {
+    /// Share of the section's length; the shares add up to 1.
+    pub length: f64,
+    /// Share of its bending angle, likewise.
+    pub bending: f64,
+    /// Radius of the bellows here, relative to the other arcs; their mean weighted by bending stands for `bellows_radius`.
+    pub relative_radius: f64,
+    /// Area of the bellows here, relative to the other arcs; their mean weighted by length stands for `terminal_area`.
+    pub relative_area: f64,
+}
+
+/// A mass at a place along a section, beside the one at its head.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointMassParameters {
+    /// Where on the section's arcs, as a share of their length: 0 (base) to 1 (head).
+    pub share: f64,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Principal moments of inertia about its centre of mass, along the axes of the centre line's frame there, kg m^2.
+    pub inertia: [f64; 3],
+    /// Its centre of mass in that frame, m.
+    pub offset: [f64; 3],
+}
+
 /// One section.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -129,6 +170,12 @@ pub struct SectionParameters {
     pub length_range: [f64; 2],
     /// The bellows of this section.
     pub bellows: Vec<BellowsParameters>,
+    /// Its arcs from the base on; one arc if left out.
+    #[serde(default)]
+    pub arcs: Vec<SectionArcParameters>,
+    /// The masses along it, beside `mass`.
+    #[serde(default)]
+    pub masses: Vec<PointMassParameters>,
 }
 
 /// One bellows.

@@ -1,5 +1,6 @@
 //! One section and its bellows.
 
+use super::along::{PointMass, SectionArc, Taper, normalized};
 use super::check::{finite, not_negative, positive};
 use super::parameters::{BellowsParameters, SectionParameters};
 use crate::error::{Error, Result};
@@ -56,8 +57,14 @@ pub struct Section<T> {
     pub head_offset: T,
     /// k1, k3 of the bending moment.
     pub bending_stiffness: [T; 2],
-    /// `bellows_radius of the section below / bellows_radius`: where the bellows' reactions act on the head below.
+    /// Radius at the head below by `bellows_radius`: where the bellows' reactions act on that head.
     pub reaction_scale: T,
+    /// Its arcs from the base on; none for a section that is one arc.
+    pub arcs: Vec<SectionArc<T>>,
+    /// What its bellows do that are not alike in all arcs.
+    pub taper: Option<Taper<T>>,
+    /// The masses along it, besides `mass`.
+    pub masses: Vec<PointMass<T>>,
     /// The bellows.
     pub bellows: Vec<Bellows<T>>,
 }
@@ -128,6 +135,9 @@ impl Section<f64> {
             .enumerate()
             .map(|(k, b)| Bellows::new(&format!("{place}, bellows {}", k + 1), b, inputs))
             .collect::<Result<_>>()?;
+        let (arcs, taper) = normalized(SectionArc::all(&place, &p.arcs)?);
+        let first = arcs.first().map(|a| (a.relative_radius, a.relative_area));
+        let tapers = arcs.iter().any(|a| Some((a.relative_radius, a.relative_area)) != first);
         Ok(Self {
             mass: positive(&place, "mass", p.mass)?,
             inertia: Vec3(inertia),
@@ -143,8 +153,16 @@ impl Section<f64> {
                 finite(&place, "bending_stiffness", p.bending_stiffness[1])?,
             ],
             reaction_scale: radius_below / bellows_radius,
+            arcs,
+            taper: tapers.then_some(taper),
+            masses: PointMass::all(&place, &p.masses)?,
             bellows,
         })
+    }
+
+    /// Whether the area of the bellows differs from arc to arc.
+    pub(super) fn has_several_areas(&self) -> bool {
+        self.arcs.iter().any(|a| a.relative_area != self.arcs[0].relative_area)
     }
 }
 
@@ -180,6 +198,9 @@ impl Section<f64> {
             head_offset: c(self.head_offset),
             bending_stiffness: self.bending_stiffness.map(c),
             reaction_scale: c(self.reaction_scale),
+            arcs: self.arcs.iter().map(|a| a.map(c)).collect(),
+            taper: self.taper.map(|t| t.map(c)),
+            masses: self.masses.iter().map(|m| m.map(c)).collect(),
             bellows: self.bellows.iter().map(|b| b.map(c)).collect(),
         }
     }

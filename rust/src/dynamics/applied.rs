@@ -3,7 +3,7 @@
 use crate::arm::Arm;
 use crate::effects::{self, EffectState};
 use crate::forces::weight::weight;
-use crate::forces::{ForceSet, Load, Wrench, bellows, bending};
+use crate::forces::{ForceSet, Load, Wrench, act_along, bellows, bending};
 use crate::kinematics::chain::Link;
 use crate::real::kernel;
 use crate::real::linear::Vec3;
@@ -11,7 +11,7 @@ use crate::real::linear::Vec3;
 kernel! {
     /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
     ///
-    /// `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force
+    /// `masses`: links of the masses along the sections, after those of the heads; `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force
     /// point (by default its centre of mass) in the base frame, N (none: no external force); `state`: work space and hidden
     /// states of the effects.
     pub fn accumulate<'a, T>(
@@ -20,6 +20,7 @@ kernel! {
         p: &'a [T],
         f_ext: Option<&'a [Vec3<T>]>,
         links: &'a [Link<T>],
+        masses: &'a [Link<T>],
         state: &'a mut EffectState<T>,
         loads: &'a mut [Load<T>],
     ) {
@@ -32,6 +33,7 @@ kernel! {
             effects::state::add_forces(body, &arm.effects, (set.actuation, set.effects), p, links, state, loads);
         }
         let mut extra = state.bellows_force.iter();
+        let mut masses = masses.iter();
         for (i, section) in body.sections.iter().enumerate() {
             let link = &links[i];
             bellows::add(body, i, section, set, p, links, &mut extra, loads);
@@ -39,7 +41,10 @@ kernel! {
                 loads[i].on_arc += bending::on_arc(section, link.arc);
             }
             if set.gravity {
-                loads[i].on_head.add(weight(section, body.gravity, link));
+                loads[i].on_head.add(weight(section.mass, body.gravity, link));
+                for (mass, link) in section.masses.iter().zip(&mut masses) {
+                    act_along(i, link, weight(mass.mass, body.gravity, link), loads);
+                }
             }
             if set.external
                 && let Some(f) = f_ext

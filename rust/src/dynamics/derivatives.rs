@@ -16,8 +16,8 @@ use super::terms::inertia_matrix_of;
 use crate::arm::Arm;
 use crate::arm::structure::with_tangents;
 use crate::effects;
-use crate::forces::ForceSet;
-use crate::kinematics::chain::{Link, Local, pass_again};
+use crate::forces::{ForceSet, Wrench};
+use crate::kinematics::chain::{Link, Local, pass_again, pass_masses};
 #[cfg(feature = "lanes")]
 use crate::real::Lanes;
 #[cfg(all(feature = "lanes", target_arch = "aarch64"))]
@@ -112,10 +112,11 @@ impl Plain {
         acting.copy_from_slice(at.p);
         effects::pressures::at_rest(&arm.effects, acting);
         pass_again(&arm.body, at.q, at.qd, motion_needed(arm), 0..arm.body.sections.len(), locals, &mut ws.links);
-        accumulate(arm, ForceSet::ALL, acting, at.f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
+        pass_masses(&arm.body, &ws.links, 0, motion_needed(arm), &mut ws.masses);
+        accumulate(arm, ForceSet::ALL, acting, at.f_ext, &ws.links, &ws.masses, &mut ws.effects, &mut ws.loads);
         solve(arm, ws, qdd);
-        inertia_forces(arm, qdd, 0, &ws.links, &mut ws.inertial);
-        inertia_matrix_of(arm, &ws.links, factor);
+        inertia_forces(arm, qdd, 0, &ws.links, &ws.masses, &mut ws.inertial, &mut ws.mass_wrenches);
+        inertia_matrix_of(arm, &ws.links, &ws.masses, factor);
         cholesky(qdd.len(), factor);
     }
 }
@@ -205,6 +206,10 @@ impl<const N: usize, T: Real> Lifted<N, T> {
             ws.links[i] = Link::lifted(&plain.ws.links[i]);
             ws.inertial[i] = Inertial::lifted(&plain.ws.inertial[i]);
         }
+        for k in 0..ws.masses.len() {
+            ws.masses[k] = Link::lifted(&plain.ws.masses[k]);
+            ws.mass_wrenches[k] = Wrench::lifted(&plain.ws.mass_wrenches[k]);
+        }
         self.act(None);
     }
 
@@ -223,10 +228,13 @@ impl<const N: usize, T: Real> Lifted<N, T> {
         let (ws, from) = (&mut self.ws, own.start);
         if !own.is_empty() {
             pass_again(&arm.body, &self.q, &self.qd, motion_needed(arm), own, &mut self.locals, &mut ws.links);
-            inertia_forces(arm, &self.qdd, from, &ws.links, &mut ws.inertial);
+            pass_masses(&arm.body, &ws.links, from, motion_needed(arm), &mut ws.masses);
+            inertia_forces(arm, &self.qdd, from, &ws.links, &ws.masses, &mut ws.inertial, &mut ws.mass_wrenches);
         }
-        accumulate(arm, set, &self.acting, Some(&self.forces), &ws.links, &mut ws.effects, &mut ws.loads);
-        left_over(arm, &ws.links, &mut ws.loads, &ws.inertial, &mut self.residual);
+        let forces = Some(self.forces.as_slice());
+        accumulate(arm, set, &self.acting, forces, &ws.links, &ws.masses, &mut ws.effects, &mut ws.loads);
+        let (inertial, wrenches) = (&ws.inertial, &ws.mass_wrenches);
+        left_over(arm, &ws.links, &ws.masses, &mut ws.loads, inertial, wrenches, &mut self.residual);
     }
 
     /// Rows `row(d)` of `out` for the pass's first `count` directions `d`.

@@ -7,10 +7,11 @@ use super::statics::static_lengths;
 use super::terms::{actuation_matrix_into, coriolis_matrix_into, generalized_force_into, inertia_matrix_into};
 use crate::arm::Arm;
 use crate::arm::testing::{Seed, arms, states};
+use crate::body::Base;
 use crate::body::Body;
 use crate::body::parameters::ForceModel;
 use crate::forces::ForceSet;
-use crate::real::linear::Vec3;
+use crate::real::linear::{Mat3, Vec3};
 use crate::real::{Dual, Real};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
@@ -21,6 +22,12 @@ fn forces(seed: &Seed, arm: &Arm) -> Vec<Vec3<f64>> {
 
 fn along(value: &[f64], rate: &[f64]) -> Vec<Dual<1>> {
     value.iter().zip(rate).map(|(&value, &d)| Dual { value, derivative: [d] }).collect()
+}
+
+/// The arm with the world's axes as those of its base.
+fn standing_at_the_origin(mut arm: Arm) -> Arm {
+    arm.body.base = Base { rotation: Mat3::identity(), position: Vec3::zero() };
+    arm
 }
 
 proptest! {
@@ -156,9 +163,12 @@ proptest! {
     /// Turning the whole arm about z by 120 degrees permutes the bellows.
     #[test]
     fn turning_permutes_the_bellows(arm in arms(), seed in states()) {
-        let mut arm = arm;
+        let mut arm = standing_at_the_origin(arm);
         for s in &mut arm.body.sections {
             s.inertia.0[1] = s.inertia.0[0];
+            for mass in &mut s.masses {
+                mass.inertia.0[1] = mass.inertia.0[0];
+            }
         }
         let (m, q, qd, p) = (arm.coordinates(), seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
         let mut turned = arm.clone();
@@ -168,6 +178,9 @@ proptest! {
         for (section, original) in turned.body.sections.iter_mut().zip(&arm.body.sections) {
             section.center_of_mass = turn(original.center_of_mass);
             section.force_point = turn(original.force_point);
+            for (mass, original) in section.masses.iter_mut().zip(&original.masses) {
+                mass.offset = turn(original.offset);
+            }
         }
         let shift = |x: &[f64]| x.chunks(3).flat_map(|c| [c[2], c[0], c[1]]).collect::<Vec<_>>();
         let (mut qdd, mut again) = (vec![0.0; m], vec![0.0; m]);
@@ -182,11 +195,14 @@ proptest! {
     /// Motion that starts in the x-z plane of a symmetric arm stays there: lengths 2 and 3 accelerate alike.
     #[test]
     fn planar_motion_stays_planar(arm in arms(), seed in states()) {
-        let mut arm = arm;
+        let mut arm = standing_at_the_origin(arm);
         arm.body.gravity.0[1] = 0.0;
         for s in &mut arm.body.sections {
             s.center_of_mass.0[1] = 0.0;
             s.force_point.0[1] = 0.0;
+            for mass in &mut s.masses {
+                mass.offset.0[1] = 0.0;
+            }
         }
         let mirror = |x: Vec<f64>| x.chunks(3).flat_map(|c| [c[0], c[1], c[1]]).collect::<Vec<_>>();
         let (q, qd, p) = (mirror(seed.lengths(&arm)), mirror(seed.rates(&arm)), mirror(seed.pressures(&arm)));

@@ -4,6 +4,8 @@
 //! with sections as joints of three degrees of freedom; inverse dynamics by the recursive Newton-Euler algorithm (ch. 5).
 //! The velocity products are evaluated first, as inertia forces of the motion without joint accelerations; the
 //! articulated-body sweep then solves for the rest with no bias of its own.
+//! A mass k along section i is a body beside its head that moves with the same rates: with the subspace S_k of its place,
+//! the joint feels S^T I^A S + sum S_k^T I_k S_k and hands I^A + sum I_k - U D^-1 U^T down, U = I^A S + sum I_k S_k.
 //! Frame: base frame, about its origin O.
 //! Limits: those of the kinematics; the inertia about each joint must be positive, which a positive mass and a positive
 //! section length ensure even without rotational energy.
@@ -11,9 +13,9 @@
 use super::Workspace;
 use super::applied::accumulate;
 use crate::arm::Arm;
-use crate::body::Section;
-use crate::forces::{ForceSet, Load, Wrench, on_joint};
-use crate::kinematics::chain::{Link, Motion, pass};
+use crate::body::{PointMass, Section};
+use crate::forces::{ForceSet, Load, Wrench, act_along, on_joint};
+use crate::kinematics::chain::{Link, Motion, pass, pass_masses};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
 use crate::real::linear::{Mat3, Sym3, Vec3};
 use crate::real::{Real, kernel};
@@ -32,10 +34,10 @@ impl<T: Real> Inertia<T> {
         Self { rotational: Sym3::zero(), coupling: Mat3::zero(), translational: Sym3::zero() }
     }
 
-    /// Inertia of a body; `rotational` is its own tensor about the centre of mass in the base frame.
+    /// Inertia of a body of mass `m`; `rotational` is its own tensor about the centre of mass in the base frame.
     #[inline(always)]
-    pub fn of_body(section: &Section<T>, link: &Link<T>, rotational: &Sym3<T>) -> Self {
-        let (m, o) = (section.mass, T::zero());
+    pub fn of_body(m: T, link: &Link<T>, rotational: &Sym3<T>) -> Self {
+        let o = T::zero();
         Self {
             rotational: rotational.add(&Sym3::of_point_mass(m, link.center)),
             coupling: Mat3::cross_matrix(link.center * m),
@@ -93,13 +95,19 @@ pub(crate) fn body_tensor<T: Real>(arm: &Arm<T>, section: &Section<T>, link: &Li
     }
 }
 
-/// Inertia forces of a body's motion as a wrench: what must act on it for it to move so.
+/// The same of a mass along a section.
 #[inline(always)]
-fn inertia_wrench<T: Real>(section: &Section<T>, link: &Link<T>, tensor: &Sym3<T>) -> Wrench<T> {
+pub(crate) fn mass_tensor<T: Real>(arm: &Arm<T>, mass: &PointMass<T>, link: &Link<T>) -> Sym3<T> {
+    if arm.body.rotational_energy { Sym3::rotated_diagonal(&link.rotation, mass.inertia) } else { Sym3::zero() }
+}
+
+/// Inertia forces of the motion of a body of mass `m` as a wrench: what must act on it for it to move so.
+#[inline(always)]
+fn inertia_wrench<T: Real>(m: T, link: &Link<T>, tensor: &Sym3<T>) -> Wrench<T> {
     let (omega, alpha) = (link.angular_velocity, link.angular_acceleration);
     let arm = link.center - link.position;
     let acceleration = link.acceleration + alpha.cross(arm) + omega.cross(omega.cross(arm));
-    let mut wrench = Wrench::at(link.center, acceleration * section.mass);
+    let mut wrench = Wrench::at(link.center, acceleration * m);
     wrench.torque += tensor.mul_vec(alpha) + omega.cross(tensor.mul_vec(omega));
     wrench
 }
@@ -119,7 +127,7 @@ pub fn forward_dynamics_into<T: Real>(
     qdd: &mut [T],
 ) {
     motion_pass(arm, q, qd, ws);
-    accumulate(arm, ForceSet::ALL, p, f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
+    accumulate(arm, ForceSet::ALL, p, f_ext, &ws.links, &ws.masses, &mut ws.effects, &mut ws.loads);
     solve(arm, ws, qdd);
 }
 
@@ -136,6 +144,7 @@ pub(crate) fn motion_needed<T: Real>(arm: &Arm<T>) -> Motion {
 fn motion_pass<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) {
     let motion = motion_needed(arm);
     pass(&arm.body, q, qd, motion, &mut ws.links);
+    pass_masses(&arm.body, &ws.links, 0, motion, &mut ws.masses);
     if motion == Motion::Pose {
         joint_rates(arm, qd, &mut ws.links);
     }
@@ -152,24 +161,35 @@ fn joint_rates<T: Real>(arm: &Arm<T>, qd: &[T], links: &mut [Link<T>]) {
 kernel! {
     /// Joint accelerations from the loads and the velocity products in `ws`.
     pub(crate) fn solve<'a, T>(arm: &'a Arm<T>, ws: &'a mut Workspace<T>, qdd: &'a mut [T]) {
-        let Workspace { links, loads, joints, .. } = ws;
+        let Workspace { links, masses, loads, joints, .. } = ws;
         let (links, loads, joints) = (links.as_slice(), loads.as_slice(), joints.as_mut_slice());
+        let mut masses = masses.as_slice();
         let mut inertia = Inertia::zero();
         let mut bias = Wrench::zero();
         for (i, section) in arm.body.sections.iter().enumerate().rev() {
             let (link, load) = (&links[i], &loads[i]);
             let tensor = body_tensor(arm, section, link);
-            inertia = inertia.add(&Inertia::of_body(section, link, &tensor));
+            inertia = inertia.add(&Inertia::of_body(section.mass, link, &tensor));
             if arm.body.coriolis_forces {
-                bias.add(inertia_wrench(section, link, &tensor));
+                bias.add(inertia_wrench(section.mass, link, &tensor));
             }
             bias.torque -= load.on_head.torque;
             bias.force -= load.on_head.force;
-            let joint = reduce(&inertia, &bias, link, load);
-            if i > 0 {
-                (inertia, bias) = hand_down(&inertia, &bias, &joint);
+            if section.masses.is_empty() {
+                let joint = reduce(&inertia, &bias, link, load);
+                if i > 0 {
+                    (inertia, bias) = hand_down(&inertia, &bias, &joint);
+                }
+                joints[i] = joint;
+            } else {
+                let (below, own) = masses.split_at(masses.len() - section.masses.len());
+                masses = below;
+                // Copies: what is lent out of line stays in memory.
+                let (mut carried, mut joint) = ((inertia, bias), Joint::zero());
+                reduce_with_masses(arm, section, link, own, load, &mut carried, &mut joint);
+                (inertia, bias) = carried;
+                joints[i] = joint;
             }
-            joints[i] = joint;
         }
         let (mut angular, mut linear) = (Vec3::zero(), Vec3::zero());
         for (i, section) in arm.body.sections.iter().enumerate() {
@@ -189,6 +209,13 @@ kernel! {
 /// I^A S, (S^T I^A S)^-1 and the joint's remaining force.
 #[inline(always)]
 fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load: &Load<T>) -> Joint<T> {
+    let (u, joint_inertia) = reduced(inertia, link);
+    Joint { u, inverse: joint_inertia.inverse(), force: load.on_arc - on_joint(link, bias) }
+}
+
+/// I S and S^T I S.
+#[inline(always)]
+fn reduced<T: Real>(inertia: &Inertia<T>, link: &Link<T>) -> ([(Vec3<T>, Vec3<T>); 3], Sym3<T>) {
     let s = &link.subspace;
     let along_l = s.linear[2];
     let u = [
@@ -198,8 +225,43 @@ fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load:
     ];
     let ([a, b], [f, g, _]) = (s.angular, s.linear);
     let (first, second) = ([power(a, f, &u[0]), power(a, f, &u[1]), power(a, f, &u[2])], power(b, g, &u[1]));
-    let joint_inertia = Sym3([first[0], first[1], first[2], second, power(b, g, &u[2]), along_l.dot(u[2].1)]);
-    Joint { u, inverse: joint_inertia.inverse(), force: load.on_arc - on_joint(link, bias) }
+    (u, Sym3([first[0], first[1], first[2], second, power(b, g, &u[2]), along_l.dot(u[2].1)]))
+}
+
+kernel! {
+    /// The same for a section with masses along it, whose links are `own`; what is carried, inertia and bias, then is what
+    /// the body below feels.
+    fn reduce_with_masses<'a, T>(
+        arm: &'a Arm<T>,
+        section: &'a Section<T>,
+        link: &'a Link<T>,
+        own: &'a [Link<T>],
+        load: &'a Load<T>,
+        carried: &'a mut (Inertia<T>, Wrench<T>),
+        joint: &'a mut Joint<T>,
+    ) {
+        let (inertia, bias) = carried;
+        let (mut u, mut joint_inertia) = reduced(inertia, link);
+        let mut force = load.on_arc - on_joint(link, bias);
+        for (mass, link) in section.masses.iter().zip(own) {
+            let tensor = mass_tensor(arm, mass, link);
+            let along = Inertia::of_body(mass.mass, link, &tensor);
+            let (along_u, along_inertia) = reduced(&along, link);
+            for k in 0..3 {
+                u[k].0 += along_u[k].0;
+                u[k].1 += along_u[k].1;
+            }
+            joint_inertia = joint_inertia.add(&along_inertia);
+            *inertia = inertia.add(&along);
+            if arm.body.coriolis_forces {
+                let wrench = inertia_wrench(mass.mass, link, &tensor);
+                force -= on_joint(link, &wrench);
+                bias.add(wrench);
+            }
+        }
+        *joint = Joint { u, inverse: joint_inertia.inverse(), force };
+        *carried = hand_down(inertia, bias, joint);
+    }
 }
 
 /// u[0] k[0] + u[1] k[1] + u[2] k[2].
@@ -254,34 +316,63 @@ impl<T: Real> Inertial<T> {
     /// The same over another scalar.
     #[inline(always)]
     pub fn lifted(x: &Inertial<f64>) -> Self {
-        let wrench = Wrench { torque: Vec3::from_f64(x.wrench.torque.0), force: Vec3::from_f64(x.wrench.force.0) };
-        Self { angular: Vec3::from_f64(x.angular.0), linear: Vec3::from_f64(x.linear.0), wrench }
+        let (angular, linear) = (Vec3::from_f64(x.angular.0), Vec3::from_f64(x.linear.0));
+        Self { angular, linear, wrench: Wrench::lifted(&x.wrench) }
     }
 }
 
+/// Inertia forces of a body of mass `m` whose joints' accelerations are a motion (angular, linear) about O.
+#[inline(always)]
+fn wrench_of<T: Real>(
+    arm: &Arm<T>,
+    m: T,
+    link: &Link<T>,
+    tensor: &Sym3<T>,
+    angular: Vec3<T>,
+    linear: Vec3<T>,
+) -> Wrench<T> {
+    let (torque, force) = Inertia::of_body(m, link, tensor).mul(angular, linear);
+    let mut wrench = Wrench { torque, force };
+    if arm.body.coriolis_forces {
+        wrench.add(inertia_wrench(m, link, tensor));
+    }
+    wrench
+}
+
 kernel! {
-    /// Inertia forces of the motion in `links` with joint accelerations `qdd`, from section `from` on; those below stay.
+    /// Inertia forces of the motion in `links` and `masses` with joint accelerations `qdd`, from section `from` on; those
+    /// below stay.
     pub(crate) fn inertia_forces<'a, T>(
         arm: &'a Arm<T>,
         qdd: &'a [T],
         from: usize,
         links: &'a [Link<T>],
+        masses: &'a [Link<T>],
         inertial: &'a mut [Inertial<T>],
+        mass_wrenches: &'a mut [Wrench<T>],
     ) {
+        let mut next = 0;
+        for section in &arm.body.sections[..from] {
+            next += section.masses.len();
+        }
         // Joint accelerations as a motion about O, which grows up the chain: A = sum S q''.
         let Inertial { mut angular, mut linear, .. } = if from == 0 { Inertial::zero() } else { inertial[from - 1] };
         for (i, section) in arm.body.sections.iter().enumerate().skip(from) {
             let link = &links[i];
             let lengths = Vec3([qdd[3 * i], qdd[3 * i + 1], qdd[3 * i + 2]]);
-            let (da, dl) = link.subspace.twist(arc_from_lengths(lengths, section.inverse_radius));
+            let accelerations = arc_from_lengths(lengths, section.inverse_radius);
+            for mass in &section.masses {
+                let link = &masses[next];
+                let (da, dl) = link.subspace.twist(accelerations);
+                let tensor = mass_tensor(arm, mass, link);
+                mass_wrenches[next] = wrench_of(arm, mass.mass, link, &tensor, angular + da, linear + dl);
+                next += 1;
+            }
+            let (da, dl) = link.subspace.twist(accelerations);
             angular += da;
             linear += dl;
             let tensor = body_tensor(arm, section, link);
-            let (torque, force) = Inertia::of_body(section, link, &tensor).mul(angular, linear);
-            let mut wrench = Wrench { torque, force };
-            if arm.body.coriolis_forces {
-                wrench.add(inertia_wrench(section, link, &tensor));
-            }
+            let wrench = wrench_of(arm, section.mass, link, &tensor, angular, linear);
             inertial[i] = Inertial { angular, linear, wrench };
         }
     }
@@ -293,10 +384,19 @@ kernel! {
     pub(crate) fn left_over<'a, T>(
         arm: &'a Arm<T>,
         links: &'a [Link<T>],
+        masses: &'a [Link<T>],
         loads: &'a mut [Load<T>],
         inertial: &'a [Inertial<T>],
+        mass_wrenches: &'a [Wrench<T>],
         out: &'a mut [T],
     ) {
+        let mut next = 0;
+        for (i, section) in arm.body.sections.iter().enumerate() {
+            for _ in &section.masses {
+                act_along(i, &masses[next], mass_wrenches[next].reversed(), loads);
+                next += 1;
+            }
+        }
         for (load, inertial) in loads.iter_mut().zip(inertial) {
             load.on_head.torque -= inertial.wrench.torque;
             load.on_head.force -= inertial.wrench.force;
@@ -320,9 +420,9 @@ pub fn inverse_dynamics_into<T: Real>(
     tau: &mut [T],
 ) {
     motion_pass(arm, q, qd, ws);
-    accumulate(arm, ForceSet::PASSIVE, &[], f_ext, &ws.links, &mut ws.effects, &mut ws.loads);
-    inertia_forces(arm, qdd, 0, &ws.links, &mut ws.inertial);
-    left_over(arm, &ws.links, &mut ws.loads, &ws.inertial, tau);
+    accumulate(arm, ForceSet::PASSIVE, &[], f_ext, &ws.links, &ws.masses, &mut ws.effects, &mut ws.loads);
+    inertia_forces(arm, qdd, 0, &ws.links, &ws.masses, &mut ws.inertial, &mut ws.mass_wrenches);
+    left_over(arm, &ws.links, &ws.masses, &mut ws.loads, &ws.inertial, &ws.mass_wrenches, tau);
     for f in tau {
         *f = -*f;
     }

@@ -12,7 +12,7 @@
 //! | [`Effect::pressures`] | pressures between the logged (or commanded) and the acting ones | as time goes on ([`pressures`]) |
 //! | [`Effect::measure`], [`Effect::sensor_delay`] | lengths between the true and the measured ones | at output ([`sensors`]) |
 //! | [`Effect::head_delay`] | poses of heads between the true and the measured ones | at output ([`sensors`]) |
-//! | [`Effect::bend`], [`Effect::twist`] | poses of the heads | at output ([`poses`]) |
+//! | [`Effect::twist`] | poses of the heads | at output ([`poses`]) |
 //!
 //! Hidden states (creep, hysteresis, lag) are not integrated with the arm: [`state::EffectState`] keeps their values at a step's
 //! start, a hook computes the value at a stage by an exact update from there, and a step's end commits it. However stiff
@@ -189,11 +189,6 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     #[inline(always)]
     fn measure(&self, _coordinate: usize, length: T) -> T {
         length
-    }
-
-    /// How differently the two halves of a section bend: (1 + c) and (1 - c) of its curvature.
-    fn bend(&self, _section: usize) -> Option<T> {
-        None
     }
 
     /// By how much a section twists about its head's z axis under the torque about it, rad.

@@ -2,10 +2,10 @@
 
 use super::Effects;
 use crate::body::Body;
-use crate::kinematics::chain::{Link, Motion, pass};
-use crate::kinematics::section::{Bent, Pose};
+use crate::kinematics::chain::{Link, Motion, mass_link, pass};
+use crate::kinematics::section::Pose;
 use crate::real::Real;
-use crate::real::linear::{Mat3, Vec3};
+use crate::real::linear::Mat3;
 
 /// Whether some of an arm's effects act on poses.
 pub fn acts<T: Real>(effects: &Effects<T>) -> bool {
@@ -35,38 +35,19 @@ pub fn seen<T: Real>(
     }
 }
 
-/// Poses of all heads from the links of a pass, in order.
+/// Poses of all heads from the links of a pass, in order: what stands on a head that twists twists with it.
 pub fn heads<T: Real>(body: &Body<T>, effects: &Effects<T>, links: &[Link<T>], mut each: impl FnMut(Pose<T>)) {
-    let mut below = Pose { rotation: Mat3::identity(), position: Vec3::zero() };
+    let mut below = Link::of_base(&body.base);
+    let mut seen = Pose { rotation: below.rotation, position: below.position };
     for (i, link) in links.iter().enumerate() {
-        let local = local(body, effects, i, link.arc);
-        let untwisted = below.rotation.mul_mat(&local.rotation);
-        below.position += below.rotation.mul_vec(local.position);
+        // The section by itself, as it is without twist.
+        let reach = below.rotation.transposed_mul_vec(link.position - below.position);
+        let turn = below.rotation.transposed().mul_mat(&link.rotation);
         let angle = twist(body, effects, i, links);
-        below.rotation = untwisted.mul_mat(&about_z(angle));
-        each(below);
-    }
-}
-
-/// The pose of section `i` in its base's frame, its halves bent differently where an effect says so.
-fn local<T: Real>(body: &Body<T>, effects: &Effects<T>, i: usize, arc: Vec3<T>) -> Pose<T> {
-    let section = &body.sections[i];
-    let mut asymmetry: Option<T> = None;
-    for entry in &effects.list {
-        if let Some(c) = entry.kind.bend(i) {
-            asymmetry = Some(asymmetry.map_or(c, |sum| sum + c));
-        }
-    }
-    let Some(c) = asymmetry else {
-        return Bent::new(arc, section.base_offset, section.head_offset).pose();
-    };
-    let [u, v, l] = (arc * T::from_f64(0.5)).0;
-    let half = |share: T, base: T, head: T| Bent::new(Vec3([u * share, v * share, l]), base, head).pose();
-    let lower = half(c + 1.0, section.base_offset, T::zero());
-    let upper = half(-c + 1.0, T::zero(), section.head_offset);
-    Pose {
-        rotation: lower.rotation.mul_mat(&upper.rotation),
-        position: lower.position + lower.rotation.mul_vec(upper.position),
+        seen.position += seen.rotation.mul_vec(reach);
+        seen.rotation = seen.rotation.mul_mat(&turn).mul_mat(&about_z(angle));
+        each(seen);
+        below = *link;
     }
 }
 
@@ -74,8 +55,14 @@ fn local<T: Real>(body: &Body<T>, effects: &Effects<T>, i: usize, arc: Vec3<T>) 
 fn twist<T: Real>(body: &Body<T>, effects: &Effects<T>, i: usize, links: &[Link<T>]) -> T {
     let mut torque = T::zero();
     let axis = links[i].rotation.column(2);
-    for (section, link) in body.sections.iter().zip(links).skip(i) {
-        torque += axis.dot((link.center - links[i].position).cross(body.gravity * section.mass));
+    let mut add = |mass: T, link: &Link<T>| {
+        torque += axis.dot((link.center - links[i].position).cross(body.gravity * mass));
+    };
+    for (k, (section, link)) in body.sections.iter().zip(links).enumerate().skip(i) {
+        add(section.mass, link);
+        for mass in &section.masses {
+            add(mass.mass, &mass_link(body, links, k, mass, Motion::Pose));
+        }
     }
     effects.list.iter().filter_map(|e| e.kind.twist(i, torque)).fold(T::zero(), |sum, a| sum + a)
 }

@@ -78,7 +78,6 @@ macro_rules! dispatch {
             head_delay(section: usize) -> Option<T>;
             shapes_lengths() -> bool;
             measure(coordinate: usize, length: T) -> T;
-            bend(section: usize) -> Option<T>;
             twist(section: usize, torque: T) -> Option<T>;
         }
     };

@@ -9,6 +9,10 @@
 //! that are not three equal ones this means (x, y) scaled by the ratio of the sections' radii.
 //! `work_conjugate`: Q = F db/d(u, v, l), the virtual work of F on its own change of length.
 //!
+//! Along a section of tapered bellows the length b has the mean radius, weighted by bending, that (x, y) are at. The head's
+//! own radius is that of the last arc (`end_force`). A pressure works on the volume, V = sum_j A_j (l_j - x_j u_j - y_j v_j),
+//! whose lever is that of b times the mean of A_j r_j (`work_conjugate`); two areas have no place in (27).
+//!
 //! Limits: massless bellows whose force is along z at both ends; torsion of the section is not modelled.
 
 use super::{ForceSet, Load, Wrench};
@@ -23,6 +27,16 @@ use std::slice::Iter;
 #[inline(always)]
 pub fn length<T: Real>(b: &Bellows<T>, arc: Vec3<T>) -> T {
     b.y.neg_mul_add(arc.y(), b.x.neg_mul_add(arc.x(), arc.z()))
+}
+
+/// Volume of a bellows of `section` at (u, v, l), or its rate at (u', v', l'), m^3; the work of a pressure is (p - p_amb) dV.
+#[inline(always)]
+pub fn volume<T: Real>(section: &Section<T>, b: &Bellows<T>, arc: Vec3<T>) -> T {
+    let beyond = match section.taper {
+        None => T::zero(),
+        Some(taper) => (b.x * arc.x() + b.y * arc.y()) * (taper.pressure_lever - T::one()),
+    };
+    b.terminal_area * (length(b, arc) - beyond)
 }
 
 /// Spring force F_spr, a polynomial in (length - rest_length) without constant term.
@@ -77,16 +91,35 @@ pub(crate) fn add<T: Real>(
         moment_y = b.y.mul_add(force, moment_y);
     }
     match body.force_model {
-        ForceModel::WorkConjugate => loads[i].on_arc += Vec3([-moment_x, -moment_y, along]),
+        ForceModel::WorkConjugate => {
+            let mut force = Vec3([-moment_x, -moment_y, along]);
+            if let (Some(taper), true) = (section.taper, set.actuation) {
+                force -= moment_beyond(section, body.ambient_pressure, p) * (taper.pressure_lever - T::one());
+            }
+            loads[i].on_arc += force;
+        }
         ForceModel::EndForce => {
             let torque = Vec3([moment_y, -moment_x, T::zero()]);
-            loads[i].on_head.add(end_wrench(link, torque, along));
+            let own = section.taper.map_or(torque, |taper| torque * taper.head_radius);
+            loads[i].on_head.add(end_wrench(link, own, along));
             if i > 0 {
                 let below = &links[i - 1];
                 loads[i - 1].on_head.add(end_wrench(below, torque * -section.reaction_scale, -along));
             }
         }
     }
+}
+
+/// Moments (x, y) of the pressures about the centre line at the bellows' radius, which tapered bellows have a part more of.
+#[inline(always)]
+fn moment_beyond<T: Real>(section: &Section<T>, ambient_pressure: T, p: &[T]) -> Vec3<T> {
+    let (mut x, mut y) = (T::zero(), T::zero());
+    for b in &section.bellows {
+        let force = b.terminal_area * (p[b.input] - ambient_pressure);
+        x = b.x.mul_add(force, x);
+        y = b.y.mul_add(force, y);
+    }
+    Vec3([x, y, T::zero()])
 }
 
 /// A torque (head frame, about the head's origin) and a force along the head's z, as a wrench about O.

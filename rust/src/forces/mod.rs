@@ -27,10 +27,20 @@ impl<T: Real> Wrench<T> {
     pub fn zero() -> Self {
         Self { torque: Vec3::zero(), force: Vec3::zero() }
     }
+    /// The same over another scalar.
+    #[inline(always)]
+    pub fn lifted(x: &Wrench<f64>) -> Self {
+        Self { torque: Vec3::from_f64(x.torque.0), force: Vec3::from_f64(x.force.0) }
+    }
     /// A force at a point.
     #[inline(always)]
     pub fn at(point: Vec3<T>, force: Vec3<T>) -> Self {
         Self { torque: point.cross(force), force }
+    }
+    /// The opposite wrench.
+    #[inline(always)]
+    pub fn reversed(&self) -> Self {
+        Self { torque: -self.torque, force: -self.force }
     }
     /// Adds another wrench.
     #[inline(always)]
@@ -112,6 +122,16 @@ pub fn project<T: Real>(links: &[Link<T>], loads: &[Load<T>], mut each: impl FnM
     }
 }
 
+/// Adds a wrench on a body within section `i`, which moves with the section's own rates by the subspace in `link`: a force
+/// on the section's (u, v, l), and the wrench on the head below.
+#[inline(always)]
+pub fn act_along<T: Real>(i: usize, link: &Link<T>, wrench: Wrench<T>, loads: &mut [Load<T>]) {
+    loads[i].on_arc += on_joint(link, &wrench);
+    if i > 0 {
+        loads[i - 1].on_head.add(wrench);
+    }
+}
+
 /// The generalized force of a wrench on one section's (u, v, l), paper (17).
 #[inline(always)]
 pub fn on_joint<T: Real>(link: &Link<T>, w: &Wrench<T>) -> Vec3<T> {
@@ -123,6 +143,6 @@ pub fn on_joint<T: Real>(link: &Link<T>, w: &Wrench<T>) -> Vec3<T> {
     ])
 }
 
-pub use bellows::{length, spring_energy};
+pub use bellows::{length, spring_energy, volume};
 pub use bending::energy as bending_energy;
 pub use weight::gravity_energy;

@@ -1,19 +1,20 @@
 //! The chain of sections: poses, motion subspaces, velocities and velocity-product accelerations in the base frame.
 //!
 //! Source: paper (13), (14), (19)-(24), (66)-(73); written as a recursion over the sections.
-//! Frame: base frame, spatial quantities about the base's origin O: the linear part of a motion subspace is the velocity
+//! Frame: the world's (the base's where an arm has no base pose), spatial quantities about its origin O: the linear part of a motion subspace is the velocity
 //! of the body-fixed point that is at O just now. Inertias and wrenches about one common point add without transformation
 //! (Featherstone, *Rigid Body Dynamics Algorithms*, sec. 2.10, 7.3), which is what makes the articulated-body recursion cheap here.
 //! Limits: those of `section`.
 
+use super::arcs;
 use super::coordinates::arc_from_lengths;
 use super::section::{Bent, Bias, Pose, Subspace};
-use crate::body::{Body, Section};
+use crate::body::{Base, Body, PointMass, Section};
 use crate::real::linear::{Mat3, Vec3};
 use crate::real::{Real, kernel};
 use std::ops::Range;
 
-/// What is known of one section and its head body, in the base frame.
+/// What is known of one section and its head body, or of a mass along a section, in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Link<T> {
     /// (u, v, l).
@@ -39,7 +40,13 @@ pub struct Link<T> {
 }
 
 impl<T: Real> Link<T> {
-    /// A body at rest at the base.
+    /// A body at rest at the base, from which the chain begins.
+    #[inline(always)]
+    pub fn of_base(base: &Base<T>) -> Self {
+        Self { rotation: base.rotation, position: base.position, center: base.position, ..Self::base() }
+    }
+
+    /// A body at rest at the origin.
     #[inline(always)]
     pub fn base() -> Self {
         let o = Vec3::zero();
@@ -95,12 +102,12 @@ pub enum Motion {
 /// A section by itself, in its base frame: all that depends on its own coordinates alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Local<T> {
-    arc: Vec3<T>,
-    rate: Vec3<T>,
-    pose: Pose<T>,
-    subspace: Subspace<T>,
+    pub(super) arc: Vec3<T>,
+    pub(super) rate: Vec3<T>,
+    pub(super) pose: Pose<T>,
+    pub(super) subspace: Subspace<T>,
     /// Zero unless the motion has it.
-    bias: Bias<T>,
+    pub(super) bias: Bias<T>,
 }
 
 impl<T: Real> Local<T> {
@@ -108,11 +115,11 @@ impl<T: Real> Local<T> {
     #[inline(always)]
     pub fn zero() -> Self {
         let o = Vec3::zero();
-        let subspace = Subspace { angular: [o; 2], linear: [o; 3] };
-        Self { arc: o, rate: o, pose: Pose { rotation: Mat3::identity(), position: o }, subspace, bias: Bias::zero() }
+        let pose = Pose { rotation: Mat3::identity(), position: o };
+        Self { arc: o, rate: o, pose, subspace: Subspace::zero(), bias: Bias::zero() }
     }
 
-    /// `section` at three lengths, with their rates.
+    /// `section`, which is one arc, at three lengths, with their rates.
     #[inline(always)]
     pub fn new(section: &Section<T>, lengths: Vec3<T>, rates: Vec3<T>, motion: Motion) -> Self {
         let arc = arc_from_lengths(lengths, section.inverse_radius);
@@ -120,6 +127,22 @@ impl<T: Real> Local<T> {
         let bent = Bent::new(arc, section.base_offset, section.head_offset);
         let bias = if motion == Motion::Bias { bent.bias(rate) } else { Bias::zero() };
         Self { arc, rate, pose: bent.pose(), subspace: bent.subspace(), bias }
+    }
+
+    /// `section` of several arcs at three lengths, with their rates.
+    #[inline(always)]
+    fn of_lengths(section: &Section<T>, lengths: Vec3<T>, rates: Vec3<T>, motion: Motion) -> Self {
+        let arc = arc_from_lengths(lengths, section.inverse_radius);
+        let rate = arc_from_lengths(rates, section.inverse_radius);
+        Self::of_arcs(section, arc, rate, None, motion)
+    }
+
+    /// `section`, or its part up to a share of its length, at (u, v, l) and their rates.
+    #[inline(always)]
+    pub(super) fn of_arcs(section: &Section<T>, arc: Vec3<T>, rate: Vec3<T>, share: Option<T>, motion: Motion) -> Self {
+        let mut local = Self::zero();
+        arcs::local_into(section, arc, rate, share, motion, &mut local);
+        local
     }
 
     /// The same over another scalar.
@@ -185,11 +208,16 @@ fn three<T: Real>(x: &[T], i: usize) -> Vec3<T> {
 kernel! {
     /// The whole chain at lengths `q` and rates `qd` (3 a section each; `qd` is not read for [`Motion::Pose`]).
     pub fn pass<'a, T>(body: &'a Body<T>, q: &'a [T], qd: &'a [T], motion: Motion, links: &'a mut [Link<T>]) {
-        let mut below = Link::base();
+        let mut below = Link::of_base(&body.base);
         for (i, (section, link)) in body.sections.iter().zip(links.iter_mut()).enumerate() {
             let rates = if motion == Motion::Pose { Vec3::zero() } else { three(qd, i) };
-            let local = Local::new(section, three(q, i), rates, motion);
-            below = step(&below, &local, section.center_of_mass, motion);
+            if section.arcs.is_empty() {
+                let local = Local::new(section, three(q, i), rates, motion);
+                below = step(&below, &local, section.center_of_mass, motion);
+            } else {
+                let local = Local::of_lengths(section, three(q, i), rates, motion);
+                below = step(&below, &local, section.center_of_mass, motion);
+            }
             *link = below;
         }
     }
@@ -207,10 +235,14 @@ kernel! {
         locals: &'a mut [Local<T>],
         links: &'a mut [Link<T>],
     ) {
-        let mut below = if own.start == 0 { Link::base() } else { links[own.start - 1] };
+        let mut below = if own.start == 0 { Link::of_base(&body.base) } else { links[own.start - 1] };
         for (i, section) in body.sections.iter().enumerate().skip(own.start) {
             if i < own.end {
-                locals[i] = Local::new(section, three(q, i), three(qd, i), motion);
+                locals[i] = if section.arcs.is_empty() {
+                    Local::new(section, three(q, i), three(qd, i), motion)
+                } else {
+                    Local::of_lengths(section, three(q, i), three(qd, i), motion)
+                };
             }
             below = step(&below, &locals[i], section.center_of_mass, motion);
             links[i] = below;
@@ -218,14 +250,74 @@ kernel! {
     }
 }
 
+/// A mass at `share` of section `i`, with its centre of mass at `offset` there, as a link of its own.
+#[inline(always)]
+pub fn mass_link<T: Real>(body: &Body<T>, links: &[Link<T>], i: usize, mass: &PointMass<T>, motion: Motion) -> Link<T> {
+    let below = if i == 0 { Link::of_base(&body.base) } else { links[i - 1] };
+    let local = Local::of_arcs(&body.sections[i], links[i].arc, links[i].rate, Some(mass.share), motion);
+    step(&below, &local, mass.offset, motion)
+}
+
+kernel! {
+    /// The masses along the sections from section `from` on, section by section, after a pass of the same motion.
+    fn pass_each_mass<'a, T>(
+        body: &'a Body<T>,
+        links: &'a [Link<T>],
+        from: usize,
+        motion: Motion,
+        masses: &'a mut [Link<T>],
+    ) {
+        let mut next = 0;
+        for (i, section) in body.sections.iter().enumerate() {
+            for mass in &section.masses {
+                if i >= from {
+                    masses[next] = mass_link(body, links, i, mass, motion);
+                }
+                next += 1;
+            }
+        }
+    }
+}
+
+/// The same, for arms that have some.
+#[inline(always)]
+pub fn pass_masses<T: Real>(body: &Body<T>, links: &[Link<T>], from: usize, motion: Motion, masses: &mut [Link<T>]) {
+    if !masses.is_empty() {
+        pass_each_mass(body, links, from, motion, masses);
+    }
+}
+
 /// The subspaces' time derivatives about O, for the Coriolis matrix. Needs a pass with [`Motion::Velocity`] or more.
 pub fn subspace_rate<T: Real>(body: &Body<T>, links: &[Link<T>], index: usize) -> Subspace<T> {
-    let base = Link::base();
+    rate_of(body, links, index, &links[index], None)
+}
+
+/// The same of a mass along section `index`.
+pub fn mass_subspace_rate<T: Real>(
+    body: &Body<T>,
+    links: &[Link<T>],
+    index: usize,
+    mass: &PointMass<T>,
+    link: &Link<T>,
+) -> Subspace<T> {
+    rate_of(body, links, index, link, Some(mass.share))
+}
+
+fn rate_of<T: Real>(body: &Body<T>, links: &[Link<T>], index: usize, link: &Link<T>, share: Option<T>) -> Subspace<T> {
+    let base = Link::of_base(&body.base);
     let below = if index == 0 { &base } else { &links[index - 1] };
-    let (section, link) = (&body.sections[index], &links[index]);
+    let (local, rate) = arcs::subspace_and_rate(&body.sections[index], link.arc, link.rate, share);
+    subspace_rate_about_origin(below, link, &local, &rate)
+}
+
+/// The time derivative about O of a joint's subspace, from the subspace and its derivative in the frame of the joint's base.
+pub(super) fn subspace_rate_about_origin<T: Real>(
+    below: &Link<T>,
+    link: &Link<T>,
+    local: &Subspace<T>,
+    rate: &Subspace<T>,
+) -> Subspace<T> {
     let (r, omega) = (&below.rotation, below.angular_velocity);
-    let bent = Bent::new(link.arc, section.base_offset, section.head_offset);
-    let (local, rate) = (bent.subspace(), bent.subspace_rate(link.rate));
     let turned = |value: Vec3<T>, derivative: Vec3<T>| r.mul_vec(derivative) + omega.cross(r.mul_vec(value));
     let angular = [0, 1].map(|k| turned(local.angular[k], rate.angular[k]));
     let mut linear = [0, 1, 2].map(|k| turned(local.linear[k], rate.linear[k]));

@@ -1,6 +1,7 @@
-//! Kinematics: lengths to arc, arc to pose, poses stacked into the chain.
+//! Kinematics: lengths to arc, arcs to pose, poses stacked into the chain.
 
 pub mod arc;
+mod arcs;
 pub mod chain;
 pub mod coordinates;
 pub mod point;

@@ -1,12 +1,12 @@
 //! Pose and Jacobian of any point of the arm, and its shape.
 //!
-//! Source: paper (12), (14) for a point at a fraction of a section's arc, (u, v, l) scaled by that fraction
-//! (constant curvature: a part of an arc is an arc).
-//! Frame: base frame. Jacobian rows: velocity of the point, then angular velocity, per unit rate of each length.
+//! Source: paper (12), (14) for a point at a fraction of a section's length; a part of an arc is an arc, (u, v, l) scaled
+//! by that part.
+//! Frame: that of the chain. Jacobian rows: velocity of the point, then angular velocity, per unit rate of each length.
 
-use super::chain::{Link, Motion, pass};
+use super::chain::{Link, Local, Motion, pass};
 use super::coordinates::force_on_lengths;
-use super::section::Bent;
+use super::section::{Bent, Pose, Subspace};
 use crate::body::Body;
 use crate::real::Real;
 use crate::real::linear::{Mat3, Vec3};
@@ -23,14 +23,29 @@ pub struct Point<T> {
     pub offset: Vec3<T>,
 }
 
+/// The link on which section `i` stands.
+fn below<T: Real>(body: &Body<T>, links: &[Link<T>], i: usize) -> Link<T> {
+    if i == 0 { Link::of_base(&body.base) } else { links[i - 1] }
+}
+
+/// The point's section up to the point, in its base frame: pose and motion subspace by the section's (u, v, l).
+fn part<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>) -> (Pose<T>, Subspace<T>) {
+    let (section, arc) = (&body.sections[point.section], links[point.section].arc);
+    let f = T::from_f64(point.fraction);
+    let head = point.fraction >= 1.0;
+    if section.arcs.is_empty() {
+        let head_offset = if head { section.head_offset } else { T::zero() };
+        let bent = Bent::new(arc * f, section.base_offset, head_offset);
+        return (bent.pose(), bent.subspace().scaled(Vec3([f; 3])));
+    }
+    let local = Local::of_arcs(section, arc, Vec3::zero(), (!head).then_some(f), Motion::Pose);
+    (local.pose, local.subspace)
+}
+
 /// Orientation and position of a point. `links` must hold a pass.
 pub fn pose<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>) -> (Mat3<T>, Vec3<T>) {
-    let base = Link::base();
-    let below = if point.section == 0 { &base } else { &links[point.section - 1] };
-    let section = &body.sections[point.section];
-    let head_offset = if point.fraction < 1.0 { T::zero() } else { section.head_offset };
-    let part = Bent::new(links[point.section].arc * T::from_f64(point.fraction), section.base_offset, head_offset);
-    let local = part.pose();
+    let below = below(body, links, point.section);
+    let (local, _) = part(body, links, point);
     let rotation = below.rotation.mul_mat(&local.rotation);
     let position = below.position + below.rotation.mul_vec(local.position) + rotation.mul_vec(point.offset);
     (rotation, position)
@@ -40,7 +55,6 @@ pub fn pose<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>) -> (Ma
 /// are zero. `columns` has one entry a coordinate.
 pub fn jacobian<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>, columns: &mut [[Vec3<T>; 2]]) {
     let (rotation, position) = pose(body, links, point);
-    let base = Link::base();
     for (i, section) in body.sections.iter().enumerate() {
         // Rows of the Jacobian by (u, v, l) transform to the lengths like generalized forces.
         let (angular, linear) = if i < point.section {
@@ -48,12 +62,10 @@ pub fn jacobian<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>, co
             let e = [s.angular[0], s.angular[1], Vec3::zero()];
             (e, [0, 1, 2].map(|k| s.linear[k] + e[k].cross(position)))
         } else if i == point.section {
-            let below = if i == 0 { &base } else { &links[i - 1] };
-            let head_offset = if point.fraction < 1.0 { T::zero() } else { section.head_offset };
-            let f = T::from_f64(point.fraction);
-            let local = Bent::new(links[i].arc * f, section.base_offset, head_offset).subspace();
+            let below = below(body, links, i);
+            let (_, local) = part(body, links, point);
             let arm_of_point = rotation.mul_vec(point.offset);
-            let turned = |v: Vec3<T>| below.rotation.mul_vec(v) * f;
+            let turned = |v: Vec3<T>| below.rotation.mul_vec(v);
             let e = [turned(local.angular[0]), turned(local.angular[1]), Vec3::zero()];
             (e, [0, 1, 2].map(|k| turned(local.linear[k]) + e[k].cross(arm_of_point)))
         } else {
@@ -76,7 +88,7 @@ pub fn jacobian<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>, co
 pub fn shape(body: &Body<f64>, q: &[f64], per_section: usize, links: &mut [Link<f64>], out: &mut Vec<Vec3<f64>>) {
     pass(body, q, &[], Motion::Pose, links);
     out.clear();
-    out.push(Vec3::zero());
+    out.push(body.base.position);
     for section in 0..body.sections.len() {
         for k in 0..=per_section {
             // The last point of the arc, before the rigid piece, is a hair below fraction 1.

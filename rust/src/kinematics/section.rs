@@ -171,6 +171,37 @@ impl<T: Real> Bent<T> {
 }
 
 impl<T: Real> Subspace<T> {
+    /// Nothing moves.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { angular: [Vec3::zero(); 2], linear: [Vec3::zero(); 3] }
+    }
+
+    /// Adds that of another joint about the same point.
+    #[inline(always)]
+    pub fn add(&mut self, other: &Self) {
+        for k in 0..2 {
+            self.angular[k] += other.angular[k];
+        }
+        for k in 0..3 {
+            self.linear[k] += other.linear[k];
+        }
+    }
+
+    /// The columns times `shares`: the motion by rates of which the joint has these shares.
+    #[inline(always)]
+    pub fn scaled(&self, shares: Vec3<T>) -> Self {
+        let ([a, b], [c, d, e], [u, v, l]) = (self.angular, self.linear, shares.0);
+        Self { angular: [a * u, b * v], linear: [c * u, d * v, e * l] }
+    }
+
+    /// The same with the velocity of the point at `position` instead of that at the origin.
+    #[inline(always)]
+    pub fn moved(&self, position: Vec3<T>) -> Self {
+        let ([a, b], [c, d, e]) = (self.angular, self.linear);
+        Self { angular: [a, b], linear: [c + a.cross(position), d + b.cross(position), e] }
+    }
+
     /// The same over another scalar.
     #[inline(always)]
     pub fn lifted(s: &Subspace<f64>) -> Self {

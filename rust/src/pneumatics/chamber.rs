@@ -3,12 +3,12 @@
 //! Law: p (V / m)^n = constant, through ambient pressure at the density of ambient air: n = 1 is isothermal, n = 1.4
 //! adiabatic (isentropic) air. State is the mass, so that a closed valve keeps p V^n to the last digit and what leaves one
 //! place arrives at another; its time derivative is the usual p' = (n / V) (R T m' - p V') with T = p V / (m R).
-//! Volume: dead volume plus terminal area times length, summed over the bellows of the input.
+//! Volume: dead volume plus terminal area times length, in tapered bellows arc by arc, summed over the bellows of the input.
 //! Limits: one temperature path for filling and emptying (no heat exchange of its own); ideal gas.
 
 use super::Pneumatics;
 use crate::body::Body;
-use crate::forces::length;
+use crate::forces::volume;
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::real::Real;
 use crate::real::linear::Vec3;
@@ -25,7 +25,7 @@ pub fn volumes<T: Real>(body: &Body<T>, dead_volume: T, q: &[T], rates: bool, ou
     for (i, section) in body.sections.iter().enumerate() {
         let arc = arc_from_lengths(Vec3([q[3 * i], q[3 * i + 1], q[3 * i + 2]]), section.inverse_radius);
         for b in &section.bellows {
-            out[b.input] += b.terminal_area * length(b, arc);
+            out[b.input] += volume(section, b, arc);
         }
     }
 }

@@ -128,8 +128,8 @@ impl PyArm {
         Ok(Self { ws: Mutex::new(Workspace::new(&arm)), arm: Arc::new(arm) })
     }
 
-    /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the base frame, effects on poses
-    /// (torsion, non_constant_curvature) included; for lengths (m, 3n) of many states (m, n, 3) and (m, n, 3, 3). Paper (14).
+    /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the world, effects on poses
+    /// (torsion) included; for lengths (m, 3n) of many states (m, n, 3) and (m, n, 3, 3). Paper (14).
     fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let (py, n) = (q.py(), self.arm.body.sections.len());
         let (q, rows) = vector_or_rows(q, "q", self.size())?;
@@ -147,7 +147,7 @@ impl PyArm {
         Ok((shaped(py, positions, [m, n, 3])?.into_any(), shaped(py, rotations, [m, n, 3, 3])?.into_any()))
     }
 
-    /// Orientation (3, 3) and position (3,) of a point of the arm in the base frame.
+    /// Orientation (3, 3) and position (3,) of a point of the arm in the world.
     #[pyo3(signature = (q, section, fraction = 1.0, offset = None))]
     fn point_pose<'py>(
         &self,
@@ -166,7 +166,7 @@ impl PyArm {
         Ok((shaped(py, rotation, [3, 3])?, small(py, &position)))
     }
 
-    /// Jacobian (6, 3n) of a point by the lengths: velocity, then angular velocity, in the base frame.
+    /// Jacobian (6, 3n) of a point by the lengths: velocity, then angular velocity, in the world.
     #[pyo3(signature = (q, section, fraction = 1.0, offset = None))]
     fn jacobian<'py>(
         &self,

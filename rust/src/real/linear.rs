@@ -169,6 +169,12 @@ impl<T: Real> Mat3<T> {
     pub fn transposed_mul_vec(&self, v: Vec3<T>) -> Vec3<T> {
         Vec3(self.0[0]).combined(v.0, Vec3(self.0[1]), Vec3(self.0[2]))
     }
+    /// The transposed matrix.
+    #[inline(always)]
+    pub fn transposed(&self) -> Self {
+        let [[a, b, c], [d, e, f], [g, h, i]] = self.0;
+        Self([[a, d, g], [b, e, h], [c, f, i]])
+    }
     /// Matrix product.
     #[inline(always)]
     pub fn mul_mat(&self, o: &Self) -> Self {

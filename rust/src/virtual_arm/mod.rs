@@ -23,7 +23,7 @@ pub use arc::PSI_MAX;
 pub use run::{Rows, State};
 
 use crate::arm::Arm;
-use crate::body::parameters::{ArmParameters, ForceModel, PneumaticsLevel};
+use crate::body::parameters::{ArmParameters, ForceModel, PneumaticsLevel, SectionParameters};
 use crate::error::{Error, Result};
 use nalgebra::Vector3;
 
@@ -96,6 +96,12 @@ impl VirtualArm {
         let ideal = parameters.pneumatics.as_ref().is_none_or(|p| p.level == PneumaticsLevel::Ideal);
         if !parameters.effect.is_empty() || !ideal {
             let text = "a virtual arm takes no effects and no pneumatics of the model; it has its own";
+            return Err(Error::Input(text.to_owned()));
+        }
+        let along = |s: &SectionParameters| !s.arcs.is_empty() || !s.masses.is_empty();
+        if parameters.base.is_some() || parameters.section.iter().any(along) {
+            let text = "a virtual arm stands at the world's origin and takes no arcs and masses of the model's sections; \
+                        its own mass along a section is `distributed`";
             return Err(Error::Input(text.to_owned()));
         }
         if !(parameters.rotational_energy && parameters.coriolis_forces) {

@@ -4,8 +4,8 @@ use super::arc::ArcPoint;
 use super::equations::Actions;
 use super::{Creep, Distributed, State, VirtualArm};
 use crate::arm::Arm;
-use crate::arm::testing::{arm_parameters, states};
-use crate::body::parameters::{ArmParameters, ForceModel};
+use crate::arm::testing::{plain_arm_parameters, states};
+use crate::body::parameters::{ArmParameters, BaseParameters, ForceModel, PointMassParameters};
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::plant::input::{Input, Interpolation};
@@ -33,12 +33,25 @@ fn undamped(mut parameters: ArmParameters) -> ArmParameters {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// All mass in the head plates and no creep: the lumped model, which goes by recursion and shares none of this code.
+    /// Without creep: the lumped model, which goes by recursion and shares none of this code, with all mass at the heads or
+    /// with masses at the places of the slices.
     #[test]
-    fn without_slices_and_creep_it_is_the_lumped_model(parameters in arm_parameters(), seed in states()) {
-        let arm = Arm::new(&parameters).unwrap();
+    fn without_creep_it_is_the_lumped_model(parameters in plain_arm_parameters(), seed in states(), slices in any::<bool>()) {
+        let spread = if slices { SLICES } else { NONE };
+        let mut masses = parameters.clone();
+        for section in &mut masses.section {
+            section.masses = (0..spread.slices)
+                .map(|j| PointMassParameters {
+                    share: (j as f64 + 0.5) / 8.0,
+                    mass: SLICES.mass / 8.0,
+                    inertia: SLICES.inertia.map(|x| x / 8.0),
+                    offset: [0.0; 3],
+                })
+                .collect();
+        }
+        let arm = Arm::new(&masses).unwrap();
         let n = arm.coordinates();
-        let twin = VirtualArm::new(&parameters, &vec![NONE; n / 3], &[]).unwrap();
+        let twin = VirtualArm::new(&parameters, &vec![spread; n / 3], &[]).unwrap();
         let (q, qd, p) = (seed.lengths(&arm), seed.rates(&arm), seed.pressures(&arm));
         let forces: Vec<_> = (0..n / 3).map(|i| [3.0 * i as f64 - 4.0, 2.0, -1.5]).collect();
         let lumped_forces: Vec<_> = forces.iter().map(|f| Vec3(*f)).collect();
@@ -139,6 +152,9 @@ fn what_is_wrong_is_named() {
     assert!(text(&[NONE; 2], &[Creep { share: 0.1, time_constant: 0.0 }]).contains("positive time"));
     let reduced = ArmParameters { coriolis_forces: false, ..parameters.clone() };
     assert!(VirtualArm::new(&reduced, &[NONE; 2], &[]).is_err());
+    let base = Some(BaseParameters { position: [0.0; 3], rotation: [0.1, 0.0, 0.0] });
+    let moved = ArmParameters { base, ..parameters.clone() };
+    assert!(VirtualArm::new(&moved, &[NONE; 2], &[]).unwrap_err().to_string().contains("world's origin"));
 
     let arm = VirtualArm::new(&parameters, &[NONE; 2], &[]).unwrap();
     let start = State { lengths: vec![0.15; 6], velocities: vec![0.0; 6], creep: Vec::new() };

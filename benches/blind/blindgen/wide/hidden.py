@@ -99,7 +99,7 @@ _KINDS = (
     ),
     Kind("length_gain", ("sensor",), 0.04, (0.002, 0.3), put.draw_sign, put.length_gain, ("gain",), needs="lengths"),
     Kind("torsion", _SECTION, 0.2, (0.01, 1.5), put.draw_sign, put.torsion, needs="turning"),
-    Kind("non_constant_curvature", _SECTION, 0.2, (0.01, 0.8), put.draw_sign, put.curvature, needs="heads"),
+    Kind("taper", _SECTION, 0.2, (0.01, 0.8), put.draw_sign, put.curvature, needs="heads"),
     Kind("work_conjugate", ("all",), 1.0, (1.0, 1.0), put.draw_nothing, put.other_model, needs="paper"),
     Kind("one_sided_damping", _SECTION, 1.5, (0.05, 20.0), put.draw_nothing, put.one_sided, refused=True),
     Kind("supply_crosstalk", ("all",), 0.05, (0.002, 0.6), put.draw_sag, put.sag, refused=True),

@@ -1,14 +1,16 @@
-//! Gravity from another direction: the base stands askew.
+//! The base stands askew: gravity comes from another direction, and the heads are elsewhere in the world.
 //!
-//! Form: g -> R g with R = exp([w]x), w = (about_x, about_y, 0) in the base frame, so an arm whose base is turned by -w.
-//! Sign: right-handed; about_y > 0 turns a gravity along z towards x. Acts by changing the arm's gravity.
-//! Validity: any angle up to a right angle; tilt about z is no tilt for gravity along z.
+//! Form: seen from the base gravity is turned by R = exp([w]x), w = (about_x, about_y, 0) in the base frame, so the base is
+//! turned by -w about its own origin: its pose (12) becomes that of the file times R^T. Camera, walls, anchors and external
+//! forces stay where they are in the world.
+//! Sign: right-handed; about_y > 0 turns a gravity along z towards x, and the arm's far end towards -x.
+//! Acts by changing the arm's base. Validity: any angle up to a right angle; tilt about z is no tilt for gravity along z.
 
 use crate::body::Body;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};
 use crate::kinematics::arc::ArcFunctions;
 use crate::real::Real;
-use crate::real::linear::Vec3;
+use crate::real::linear::{Mat3, Vec3};
 
 /// Tilt of the base.
 #[derive(Clone, Debug)]
@@ -17,11 +19,11 @@ pub struct BaseTilt<T> {
 }
 
 impl<T: Real> Effect<T> for BaseTilt<T> {
-    const SUMMARY: &'static str = "gravity from another direction";
+    const SUMMARY: &'static str = "the base stands askew: gravity from another direction, heads elsewhere";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All];
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("about_x", "rad", -1.6..=1.6, "turn of gravity about the base's x axis"),
-        Parameter::new("about_y", "rad", -1.6..=1.6, "turn of gravity about the base's y axis"),
+        Parameter::new("about_x", "rad", -1.6..=1.6, "turn of gravity about the base's x axis, as the base sees it"),
+        Parameter::new("about_y", "rad", -1.6..=1.6, "turn of gravity about the base's y axis, as the base sees it"),
     ];
     const CHANGES_ARM: bool = true;
 
@@ -30,9 +32,10 @@ impl<T: Real> Effect<T> for BaseTilt<T> {
     }
 
     fn change_arm(&self, body: &mut Body<T>) {
-        // Rodrigues: R g = g + a (w x g) + b w x (w x g).
-        let (w, f) = (self.turn, ArcFunctions::new(self.turn.dot(self.turn)));
-        let once = w.cross(body.gravity);
-        body.gravity = body.gravity + once * f.a() + w.cross(once) * f.b();
+        // Rodrigues: R^T = 1 - a [w]x + b [w]x^2.
+        let f = ArcFunctions::new(self.turn.dot(self.turn));
+        let k = Mat3::cross_matrix(self.turn);
+        let back = Mat3::identity().add(&k.scale(-f.a())).add(&k.mul_mat(&k).scale(f.b()));
+        body.base.rotation = body.base.rotation.mul_mat(&back);
     }
 }

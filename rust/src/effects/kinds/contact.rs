@@ -43,9 +43,9 @@ impl<T: Real> Effect<T> for Contact<T> {
     const PARAMETERS: &'static [Parameter] = &[
         Parameter::new("stiffness", "N/m", 0.0..=1e6, "stiffness k of the wall"),
         Parameter::new("damping", "N s/m", 0.0..=1e4, "damping c while in contact").or(0.0),
-        Parameter::new("wall_x", "m", -10.0..=10.0, "a point of the wall, base frame").or(0.0),
-        Parameter::new("wall_y", "m", -10.0..=10.0, "a point of the wall, base frame").or(0.0),
-        Parameter::new("wall_z", "m", -10.0..=10.0, "a point of the wall, base frame").or(0.0),
+        Parameter::new("wall_x", "m", -10.0..=10.0, "a point of the wall, in the world").or(0.0),
+        Parameter::new("wall_y", "m", -10.0..=10.0, "a point of the wall, in the world").or(0.0),
+        Parameter::new("wall_z", "m", -10.0..=10.0, "a point of the wall, in the world").or(0.0),
         Parameter::new("normal_x", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
         Parameter::new("normal_y", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),
         Parameter::new("normal_z", "", -1.0..=1.0, "direction out of the wall; any length but zero").or(0.0),

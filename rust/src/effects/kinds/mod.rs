@@ -8,19 +8,20 @@ pub mod bending_nonlinear;
 pub mod contact;
 pub mod creep;
 pub mod delay;
+pub mod distributed_mass;
 pub mod effective_area;
 pub mod formula;
 pub mod friction;
 pub mod hysteresis;
 pub mod length_gain;
 pub mod length_offset;
-pub mod non_constant_curvature;
 pub mod payload;
 pub mod pressure_gain;
 pub mod pressure_lag;
 pub mod pressure_offset;
 pub mod quadratic_damping;
 pub mod section_coupling;
+pub mod taper;
 pub mod tool_drag;
 pub mod torsion;
 pub mod valve_dead_band;
@@ -55,6 +56,7 @@ registry::kinds! {
     length_gain => LengthGain,
     work_conjugate => WorkConjugate,
     torsion => Torsion,
-    non_constant_curvature => NonConstantCurvature,
+    taper => Taper,
+    distributed_mass => DistributedMass,
     formula => Formula,
 }

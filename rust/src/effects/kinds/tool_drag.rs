@@ -1,6 +1,6 @@
 //! A hose or tool at a head: a spring and a damper to a fixed anchor, and drag of the air.
 //!
-//! Form: force at the head's origin F = -k (r - anchor) - c r' - d |r'| r', r and the anchor in the base frame.
+//! Form: force at the head's origin F = -k (r - anchor) - c r' - d |r'| r', r and the anchor in the world.
 //! Sign: resists. Validity: the spring is without length of its own (a preload is an anchor further away); passive for
 //! k, c, d >= 0; |r'| is rounded off below 1 um/s.
 
@@ -26,9 +26,9 @@ impl<T: Real> Effect<T> for ToolDrag<T> {
         Parameter::new("stiffness", "N/m", 0.0..=1e4, "spring k to the anchor").or(0.0),
         Parameter::new("damping", "N s/m", 0.0..=1e3, "viscous damping c of the head").or(0.0),
         Parameter::new("drag", "N s^2/m^2", 0.0..=1e3, "quadratic drag d of the head").or(0.0),
-        Parameter::new("anchor_x", "m", -10.0..=10.0, "anchor in the base frame").or(0.0),
-        Parameter::new("anchor_y", "m", -10.0..=10.0, "anchor in the base frame").or(0.0),
-        Parameter::new("anchor_z", "m", -10.0..=10.0, "anchor in the base frame").or(0.0),
+        Parameter::new("anchor_x", "m", -10.0..=10.0, "anchor in the world").or(0.0),
+        Parameter::new("anchor_y", "m", -10.0..=10.0, "anchor in the world").or(0.0),
+        Parameter::new("anchor_z", "m", -10.0..=10.0, "anchor in the world").or(0.0),
     ];
     const SEVERAL: bool = true;
 

@@ -84,9 +84,11 @@ fn those_that_change_the_arm_equal_a_changed_arm() {
     changed.section[1].bending_stiffness[1] = 0.3;
     let (a, b) = (Arm::new(&with).unwrap(), Arm::new(&changed).unwrap());
     assert!(close(&acceleration(&a), &acceleration(&b), 1e-10));
-    // Gravity turned about x.
+    // Gravity turned about x, as the base sees it; in the world the base is turned back.
     let tilted = arm(&[effect("base_tilt", "all", &[("about_x", 0.4), ("about_y", 0.0)])]);
-    assert!(close(&tilted.body.gravity.0, &[0.0, -9.81 * 0.4_f64.sin(), 9.81 * 0.4_f64.cos()], 1e-14));
+    let seen = tilted.body.base.rotation.transposed_mul_vec(tilted.body.gravity);
+    assert!(close(&seen.0, &[0.0, -9.81 * 0.4_f64.sin(), 9.81 * 0.4_f64.cos()], 1e-14));
+    assert!(close(&tilted.body.base.rotation.column(2).0, &[0.0, 0.4_f64.sin(), 0.4_f64.cos()], 1e-14));
 }
 
 #[test]
@@ -183,7 +185,7 @@ fn forces_at_a_head() {
 }
 
 #[test]
-fn poses_see_twist_and_uneven_curvature() {
+fn poses_see_twist() {
     let (q, _) = state();
     let positions = |effects: &[EffectParameters]| {
         let arm = arm(effects);
@@ -216,22 +218,61 @@ fn poses_see_twist_and_uneven_curvature() {
         turned.z(),
     ]));
     assert!(close(&(twisted[2].position - twisted[1].position).0, &turned.0, 1e-4));
-    // Uneven curvature: orientations stay, the arc is that of two arcs, integrated here along the curve.
-    let (links, uneven) = positions(&[effect("non_constant_curvature", "section 1", &[("asymmetry", 0.4)])]);
-    for (link, head) in links.iter().zip(&uneven) {
+}
+
+/// Curvature that falls along the section, integrated here along the curve: orientations stay, heads move, and what moves
+/// with them too.
+#[test]
+fn taper_bends_the_lower_part_more() {
+    let (q, _) = state();
+    let taper = arm(&[effect("taper", "section 1", &[("change", 0.4)])]);
+    let (mut plain, mut tapered) = (vec![Link::base(); 3], vec![Link::base(); 3]);
+    pass(&arm(&[]).body, &q, &[], Motion::Pose, &mut plain);
+    pass(&taper.body, &q, &[], Motion::Pose, &mut tapered);
+    for (link, head) in plain.iter().zip(&tapered) {
         for k in 0..3 {
             assert!(close(&head.rotation.column(k).0, &link.rotation.column(k).0, 1e-13));
         }
     }
-    let [u, v, l] = links[0].arc.0;
+    let [u, v, l] = plain[0].arc.0;
     let psi = u.hypot(v);
-    let (mut along, mut across, steps) = (0.0, 0.0, 20_000);
+    let (mut along, mut across, mut angle, steps) = (0.0, 0.0, 0.0, 20_000);
     for k in 0..steps {
-        let s = (f64::from(k) + 0.5) / f64::from(steps);
-        let angle = if s < 0.5 { 1.4 * psi * s } else { 0.7 * psi + 0.6 * psi * (s - 0.5) };
-        along += l / f64::from(steps) * angle.cos();
-        across += l / f64::from(steps) * angle.sin();
+        // The mean of 1 + c (1 - 2 s) over each quarter.
+        let bending = 1.0 + 0.4 * [0.75, 0.25, -0.25, -0.75][4 * k / steps];
+        let half = 0.5 * bending * psi / steps as f64;
+        along += l / steps as f64 * (angle + half).cos();
+        across += l / steps as f64 * (angle + half).sin();
+        angle += 2.0 * half;
     }
     let (reach, up) = (across + 0.02 * psi.sin(), 0.01 + along + 0.02 * psi.cos());
-    assert!(close(&uneven[0].position.0, &[reach * u / psi, reach * v / psi, up], 1e-8));
+    assert!((angle - psi).abs() < 1e-12);
+    assert!(close(&tapered[0].position.0, &[reach * u / psi, reach * v / psi, up], 1e-8));
+    assert!(!close(&acceleration(&taper), &acceleration(&arm(&[])), 1e-3));
+}
+
+/// A share of the mass along a straight section weighs a third of what it did against lengthening; its weight stays.
+#[test]
+fn distributed_mass_weighs_less_where_it_moves_less() {
+    let spread = |share: f64| {
+        let mut p = parameters(&[effect("distributed_mass", "all", &[("share", share)])]);
+        for section in &mut p.section {
+            (section.base_offset, section.head_offset, section.center_of_mass) = (0.0, 0.0, [0.0; 3]);
+        }
+        Arm::new(&p).unwrap()
+    };
+    let q = [0.2; 9];
+    let lengthening = |arm: &Arm| {
+        let mut m = vec![0.0; 81];
+        crate::dynamics::terms::inertia_matrix_into(arm, &q, &mut Workspace::new(arm), &mut m);
+        // All three lengths of section 3 together.
+        (6..9).flat_map(|i| (6..9).map(move |j| (i, j))).map(|(i, j)| m[9 * i + j]).sum::<f64>()
+    };
+    assert!((lengthening(&spread(0.0)) - 0.45).abs() < 1e-14);
+    assert!((lengthening(&spread(0.6)) - 0.45 * (0.4 + 0.6 / 3.0)).abs() < 1e-14);
+    let weight = |arm: &Arm| {
+        let heads: f64 = arm.body.sections.iter().map(|s| s.mass).sum();
+        heads + arm.body.sections.iter().flat_map(|s| &s.masses).map(|m| m.mass).sum::<f64>()
+    };
+    assert!((weight(&spread(0.6)) - 1.8).abs() < 1e-14);
 }

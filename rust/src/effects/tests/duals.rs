@@ -95,7 +95,8 @@ fn sample(name: &str) -> Option<&'static [(&'static str, f64)]> {
         "quadratic_damping" => &[("damping", 50.0)],
         "section_coupling" => &[("stiffness", 0.3), ("damping", 0.01)],
         "torsion" => &[("stiffness", 20.0)],
-        "non_constant_curvature" => &[("asymmetry", 0.3)],
+        "taper" => &[("change", 0.3)],
+        "distributed_mass" => &[("share", 0.4)],
         _ => return None,
     })
 }

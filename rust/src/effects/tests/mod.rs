@@ -43,9 +43,12 @@ pub fn parameters(effects: &[EffectParameters]) -> ArmParameters {
                 input: 3 * i + k,
             })
             .collect(),
+        arcs: Vec::new(),
+        masses: Vec::new(),
     };
     ArmParameters {
         name: "nominal".to_owned(),
+        base: None,
         gravity: [0.0, 0.0, 9.81],
         ambient_pressure: 101_325.0,
         force_model: ForceModel::WorkConjugate,
