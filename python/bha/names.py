@@ -16,7 +16,7 @@ pressure, measured          ``p11``               Pa
 pressure, commanded         ``pc11``              Pa
 head position               ``x1 y1 z1``          m
 head orientation            ``ow1 ox1 oy1 oz1``   1
-external force, base frame  ``fx1 fy1 fz1``       N
+external force, world       ``fx1 fy1 fz1``       N
 ==========================  ====================  ====
 
 A section has up to 12 bellows, but three coordinates: the lengths at its ``bellows_radius`` at 0, 120 and 240 degrees,
@@ -115,7 +115,7 @@ def orientation_names(section: int) -> tuple[str, str, str, str]:
 
 
 def force_names(section: int) -> tuple[str, str, str]:
-    """Names of the external force on a section in the base frame, ``("fx1", "fy1", "fz1")``."""
+    """Names of the external force on a section in the world, ``("fx1", "fy1", "fz1")``."""
     _check(section, "section")
     return (f"fx{section}", f"fy{section}", f"fz{section}")
 

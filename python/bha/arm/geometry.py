@@ -71,9 +71,9 @@ class CameraFrame:
     """A frame in which heads are measured. Equal to itself alone.
 
     Attributes:
-        matrix: its axes as columns in the base frame, shape (3, 3): orthogonal; of determinant -1 where it is mirrored.
-        position: its origin in the base frame, m, shape (3,).
-        quaternion_map: takes quaternions (w, x, y, z) of the base frame to the camera's, shape (4, 4): orthogonal.
+        matrix: its axes as columns in the world, shape (3, 3): orthogonal; of determinant -1 where it is mirrored.
+        position: its origin in the world, m, shape (3,).
+        quaternion_map: takes quaternions (w, x, y, z) of the world to the camera's, shape (4, 4): orthogonal.
     """
 
     matrix: Array
@@ -82,7 +82,7 @@ class CameraFrame:
 
     @property
     def is_base(self) -> bool:
-        """Whether it is the base frame itself."""
+        """Whether it is the frame of the world itself."""
         return not self.position.any() and np.array_equal(self.matrix, np.eye(3))
 
     @property
@@ -91,22 +91,22 @@ class CameraFrame:
         return bool(np.linalg.det(self.matrix) < 0.0)
 
     def positions(self, positions: ArrayLike) -> Array:
-        """Positions (..., 3), m, of the base frame in the camera's."""
+        """Positions (..., 3), m, of the world in the camera's."""
         given = np.asarray(positions, dtype=np.float64)
         return given if self.is_base else np.asarray((given - self.position) @ self.matrix)
 
     def base_positions(self, positions: ArrayLike) -> Array:
-        """Positions (..., 3), m, of the camera's frame in the base frame."""
+        """Positions (..., 3), m, of the camera's frame in the world."""
         given = np.asarray(positions, dtype=np.float64)
         return given if self.is_base else np.asarray(given @ self.matrix.T + self.position)
 
     def orientations(self, quaternions: ArrayLike) -> Array:
-        """Orientations (..., 4) of the base frame in the camera's; the sign is carried over."""
+        """Orientations (..., 4) of the world in the camera's; the sign is carried over."""
         given = np.asarray(quaternions, dtype=np.float64)
         return given if self.is_base else np.asarray(given @ self.quaternion_map.T)
 
     def base_orientations(self, quaternions: ArrayLike) -> Array:
-        """Orientations (..., 4) of the camera's frame in the base frame; the sign is carried over."""
+        """Orientations (..., 4) of the camera's frame in the world; the sign is carried over."""
         given = np.asarray(quaternions, dtype=np.float64)
         return given if self.is_base else np.asarray(given @ self.quaternion_map)
 
@@ -123,7 +123,7 @@ class CameraFrame:
 
 
 def camera_frame(sensors: SensorsParameters | None) -> CameraFrame:
-    """The frame that a ``[sensors]`` table says; the base frame without one."""
+    """The frame that a ``[sensors]`` table says; that of the world without one."""
     stated = sensors or SensorsParameters()
     axes = np.column_stack([_axis(axis) for axis in stated.camera_axes])
     turn = np.asarray(stated.camera_rotation_rad)

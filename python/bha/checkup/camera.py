@@ -96,10 +96,11 @@ def frame_of(arm: Arm, seen: Seen, camera: Array, where: str) -> Frame:
         choices = [matrix for matrix in signed_axes() if _angle(matrix.T @ line, expected) < RIGHT]
         if choices:
             best = min(choices, key=lambda m: (np.linalg.det(m) < 0, np.abs(m - np.eye(3)).sum()))
-            return Frame(best, tuple(heads), (_axes(heads, off, best, camera, line, where),))
+            return Frame(best, tuple(heads), (_axes(arm, off, best, camera, line, where),))
     distance = float(np.linalg.norm(means[-1] - predicted[-1]))
     if distance > FAR * reach and len(heads) * n > 0:
-        position = predicted[-1] - means[-1]
+        shift = predicted[-1] - means[-1]
+        position = arm.parameters.base_pose.rotation_matrix @ shift
         what = f"head {heads[-1] + 1} is {1e3 * distance:.0f} mm from where the model has it: camera's origin?"
         line_text = f"[sensors] camera_position = [{', '.join(f'{v:.3f}' for v in position)}]"
         evidence = f"in the mean at {_millimetres(means[-1])} mm, by the model at {_millimetres(predicted[-1])} mm"
@@ -107,7 +108,7 @@ def frame_of(arm: Arm, seen: Seen, camera: Array, where: str) -> Frame:
         found = Finding(
             "warning", "camera", where, what, evidence, numbers, (Explanation("camera's origin elsewhere", line_text),)
         )
-        return Frame(np.eye(3), tuple(heads), (found,), position)
+        return Frame(np.eye(3), tuple(heads), (found,), shift)
     return straight
 
 
@@ -135,7 +136,7 @@ def _predicted(arm: Arm, seen: Seen) -> Array:
             q = held
     except BhaError:
         pass  # the straight arm will do
-    return np.asarray(arm.forward_kinematics(q)[0])
+    return arm.parameters.base_pose.from_world(arm.forward_kinematics(q)[0])
 
 
 def _unit(heads: list[int], size: float, reach: float, travel: float, where: str) -> Finding | None:
@@ -191,13 +192,13 @@ def _exchanged(heads: list[int], order: tuple[int, ...], means: Array, predicted
     )
 
 
-def _axes(heads: list[int], off: float, seen_by: Array, camera: Array, line: Array, where: str) -> Finding:
+def _axes(arm: Arm, off: float, seen_by: Array, camera: Array, line: Array, where: str) -> Finding:
     direction = line / np.linalg.norm(line)
     what = f"the line of heads points {off:.0f} deg away from the arm: the camera's axes are not the base frame's"
     evidence = (
         f"it points along ({', '.join(f'{v:.2f}' for v in direction)}) of the base frame, as the file places the camera"
     )
-    axes = seen_by.T @ camera
+    axes = arm.parameters.base_pose.rotation_matrix @ seen_by.T @ camera
     whole = np.round(axes)
     repair = (
         f"[sensors] camera_axes = {axes_text(whole)}"

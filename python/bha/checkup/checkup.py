@@ -188,7 +188,7 @@ def _motions(
 ) -> tuple[list[Finding], list[str], tuple[Evidence, Verdict]]:
     """Camera first, then wiring in the frame that was found, then gravity."""
     found: list[Finding] = []
-    camera = made[0].observation.camera.matrix
+    camera = layout.base_rotation.T @ made[0].observation.camera.matrix
     where = seen[0].name if len(seen) == 1 else "all logs"
     frames = [frame_of(arm, one, camera, one.name) for one in seen]
     odd = [frame for frame in frames if frame.findings]
@@ -301,14 +301,14 @@ def seen_of(recording: Recording) -> Seen:
     observation, outputs = recording.observation, recording.outputs
     lengths = [k for k, output in enumerate(outputs) if output.kind == "length"]
     rows, measured, usable = recording.aligned
-    n = recording.arm.section_count
+    n, base = recording.arm.section_count, recording.arm.parameters.base_pose
     heads = np.full((len(rows), n, 3), np.nan)
     good = np.zeros((len(rows), n), dtype=np.bool_)
     for i in range(n):
         own = {o.number: k for k, o in enumerate(outputs) if o.kind == "position" and o.section == i + 1}
         if len(own) == 3:
             columns = [own[axis] for axis in (1, 2, 3)]
-            heads[:, i] = observation.camera.base_positions(measured[:, columns])
+            heads[:, i] = base.from_world(observation.camera.base_positions(measured[:, columns]))
             good[:, i] = usable[:, columns].all(axis=1) & np.isfinite(heads[:, i]).all(axis=1)
     driven = ~_undriven(recording)[rows]
     return Seen(

@@ -258,13 +258,15 @@ def _scaled(arm: Arm, scale: float) -> Arm:
 def _error(arm: Arm, poses: Poses, rows: Array, *, shifted: bool) -> float:
     """RMS error of lengths, m; of heads where no length is measured, up to a common shift where ``shifted``."""
     q: Array | None = None
-    left = []
+    left, base = [], arm.parameters.base_pose
     for pressures, lengths, heads in zip(poses.pressures, poses.lengths, poses.heads, strict=True):
         try:
             q = arm.static_lengths(pressures, start=q)
         except BhaError:
             return float("inf")
-        left.append(lengths - rows @ q if len(rows) else (heads - arm.forward_kinematics(q)[0]).ravel())
+        left.append(
+            lengths - rows @ q if len(rows) else (heads - base.from_world(arm.forward_kinematics(q)[0])).ravel()
+        )
     table = np.array(left)
     if shifted and not len(rows):
         by_axis = table.reshape(-1, 3)

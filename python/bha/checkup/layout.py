@@ -43,6 +43,7 @@ class Layout:
         radii: distance of each bellows from the centre line, m.
         fed_by: index of the input that feeds each bellows of each section.
         coordinate_radius: radius of the three coordinates of each section, m, shape (n,).
+        base_rotation: axes of the base in the world as columns, shape (3, 3).
         base_offset: rigid piece before the bending part of each section, m, shape (n,).
         head_offset: rigid piece after it, m, shape (n,).
         length_range: shortest and longest permitted length, m, shape (n, 2).
@@ -59,6 +60,7 @@ class Layout:
     radii: tuple[Array, ...]
     fed_by: tuple[NDArray[np.intp], ...]
     coordinate_radius: Array
+    base_rotation: Array
     base_offset: Array
     head_offset: Array
     length_range: Array
@@ -115,6 +117,7 @@ def layout_of(arm: Arm) -> Layout:
         radii=tuple(radii),
         fed_by=tuple(fed_by),
         coordinate_radius=np.array([s.bellows_radius for s in sections]),
+        base_rotation=parameters.base_pose.rotation_matrix,
         base_offset=np.array([s.base_offset for s in sections]),
         head_offset=np.array([s.head_offset for s in sections]),
         length_range=np.array([s.length_range for s in sections]),

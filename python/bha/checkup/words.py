@@ -127,7 +127,7 @@ def explanation(cause: Cause, found: Evidence, columns: Sequence[str], camera: A
     elif cause.kind == "azimuth":
         said = _azimuth(cause, found)
     elif cause.kind == "camera":
-        said = _camera(cause, camera)
+        said = _camera(cause, camera, found.layout.base_rotation)
     else:
         said = _sensors(cause, found)
     return said if cause.count == 1 else replace(said, what=f"{said.what} ({cause.count} mistakes at once)")
@@ -173,10 +173,10 @@ def _angles_line(layout: Layout, section: int, turn: float) -> str:
     return f"[[section.bellows]] of section {section + 1}, in their order: {text}"
 
 
-def _camera(cause: Cause, camera: Array) -> Explanation:
+def _camera(cause: Cause, camera: Array, base: Array) -> Explanation:
     turn = cause.turns[0]
     seen = turned(turn, mirrored=cause.mirrored)
-    axes = seen.T @ camera
+    axes = base @ seen.T @ camera
     whole = np.round(axes)
     what = f"camera mirrored (and turned by {np.degrees(turn):.0f} deg)" if cause.mirrored else (
         f"camera turned by {np.degrees(turn):.0f} deg about the arm's axis"

@@ -121,7 +121,7 @@ def tip_path(
 
     Args:
         arm: the arm whose tip (head of the last section) is to move.
-        path: positions (k, 3), m, in the base frame, at arc lengths (k,), m, along the path.
+        path: positions (k, 3), m, in the world, at arc lengths (k,), m, along the path.
         length: arc length of the path, m.
         start: lengths (3n,) from which the first pose is sought, m; None: the middle of their ranges.
         directions: direction of the tip's z axis, the same all along, shape (3,); None: left free.
@@ -156,7 +156,7 @@ def tip_samples(
     Args:
         arm: the arm whose tip (head of the last section) is to move.
         time: of the samples, ascending, s, shape (k,).
-        positions: in the base frame, m, shape (k, 3).
+        positions: in the world, m, shape (k, 3).
         period: control period, s.
         smoothing: over how long each row is spread, s.
 
@@ -189,7 +189,7 @@ def tip_circle(
         arm: the arm.
         radius: m; None: 0.7 of the largest at that height that pressures and lengths within their ranges can hold, and
             at most a fifth of the arm's height.
-        height: z of the circle in the base frame, m; None: 5 cm less than the straight arm's at the middle of its
+        height: z of the circle in the world, m; None: 5 cm less than the straight arm's at the middle of its
             lengths, for arms below half a metre a tenth less.
         turns: how often.
         options: as for :func:`tip_path`.

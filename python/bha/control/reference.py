@@ -24,7 +24,7 @@ class Reference:
         lengths: m, shape (k, 3n).
         velocities: m/s, shape (k, 3n).
         accelerations: m/s^2, shape (k, 3n).
-        tip_positions: wanted tip (head of the last section) in the base frame, m, shape (k, 3), or None.
+        tip_positions: wanted tip (head of the last section) in the world, m, shape (k, 3), or None.
     """
 
     period: float

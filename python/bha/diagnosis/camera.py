@@ -3,7 +3,7 @@
 What: heads are measured in a frame that stands some millimetres beside the arm's base and is turned by some degrees,
 whatever the file says. That is no physics of the arm; left out it passes for offsets of pressures, tilts and payloads.
 Source: ``[sensors]`` of the parameter file, :mod:`bha.arm.geometry`.
-Frame and signs: position of the camera's origin in the base frame, m; rotation vector of its axes there, rad.
+Frame and signs: position of the camera's origin in the world, m; rotation vector of its axes there, rad.
 Limits: one frame for all logs; a frame that is off by tens of degrees or mirrored is a fault, see ``bha check``.
 """
 

@@ -94,9 +94,9 @@ def pose(arm: _core.Arm, observation: Observation, values: Array, sections: int)
 def _straight(arm: _core.Arm, observation: Observation, values: Array, sections: int) -> Array:
     """Where the search begins: what lengths tell; else straight, as long as a head is away from the one before."""
     q = np.full(3 * sections, SOME_LENGTH)
-    heights = arm.forward_kinematics(q)[0][:, 2]
+    straight = np.vstack([arm.shape(q, 1)[:1], arm.forward_kinematics(q)[0]])
     heads = _heads(observation)
-    last = np.zeros(3)
+    last = straight[0]
     for i in range(1, sections + 1):
         own = slice(3 * (i - 1), 3 * i)
         if i not in heads:
@@ -105,11 +105,11 @@ def _straight(arm: _core.Arm, observation: Observation, values: Array, sections:
             if len(known):
                 q[own] = np.linalg.lstsq(observation.rows[mine][:, own], known, rcond=None)[0]
             # Where the head is then does not matter much: it only says from where the next section's is away.
-            last = np.array([0.0, 0.0, heights[i - 1]])
+            last = straight[i]
             continue
         columns = [k for k, o in enumerate(observation.outputs) if o.kind == "position" and o.section == i]
         head = observation.camera.base_positions(values[columns])
-        rigid = heights[i - 1] - (heights[i - 2] if i > 1 else 0.0) - SOME_LENGTH
+        rigid = float(np.linalg.norm(straight[i] - straight[i - 1])) - SOME_LENGTH
         q[own] = max(float(np.linalg.norm(head - last)) - rigid, LEAST_LENGTH)
         last = head
     return q

@@ -333,7 +333,7 @@ class Log:
 
     @property
     def forces(self) -> Array | None:
-        """External forces in the base frame, N, shape (m, n, 3); zero without a column; None if there is no column."""
+        """External forces in the world, N, shape (m, n, 3); zero without a column; None if there is no column."""
         return _by_axis(self._gathered("force", 0.0))
 
     def forces_on(self, section_count: int) -> Array | None:

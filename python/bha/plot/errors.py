@@ -36,7 +36,7 @@ def plot_errors(
 
     Args:
         time: s, shape (m,).
-        errors: label to simulated minus measured head positions in the base frame, m, shape (m, n, 3).
+        errors: label to simulated minus measured head positions in the world, m, shape (m, n, 3).
         repeatability: how well the arm repeats itself, m; a grey band between minus and plus this value.
         title: a line above the figure.
 

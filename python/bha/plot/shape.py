@@ -28,10 +28,10 @@ def plot_shape(
 
     Args:
         times: s, shape (m,).
-        backbones: points along the backbone in the base frame from base to tip, m, shape (m, points, 3).
-        heads: positions of the heads in the base frame, m, shape (m, n, 3), drawn as dots; None draws none.
+        backbones: points along the backbone in the world from base to tip, m, shape (m, points, 3).
+        heads: positions of the heads in the world, m, shape (m, n, 3), drawn as dots; None draws none.
         view: ``"projections"`` on the x-z and the y-z plane, or ``"space"``.
-        hanging: draw z downwards, as an arm hangs whose base frame has z along gravity.
+        hanging: draw z downwards, as an arm hangs in a world with z along gravity.
         title: a line above the figure.
 
     Raises:

@@ -34,7 +34,7 @@ def plot_trajectories(trajectories: Mapping[str, Trajectory], *, title: str | No
 
     Top: absolute pressure of each input, bar; where all trajectories have the same pressures they are drawn once.
     Middle: bellows lengths, mm. Both have one panel for each section (pressures one for all where the names of the
-    inputs are not numbered by sections). Bottom: position of the last head in the base frame, mm. Colour tells the
+    inputs are not numbered by sections). Bottom: position of the last head in the world, mm. Colour tells the
     bellows, line style the trajectory: "measured" solid, "full" dotted, "reduced" dashed, as in the paper, others the
     next free. What is NaN throughout (a measurement without lengths, say) is left out.
 

@@ -74,7 +74,7 @@ def predicted(recording: Readings, trajectory: Trajectory) -> Array:
 
 
 def as_trajectory(recording: Readings) -> Trajectory:
-    """What was measured, in rows that all outputs share: heads in the base frame, coordinates where lengths tell them.
+    """What was measured, in rows that all outputs share: heads in the world, coordinates where lengths tell them.
 
     Velocities, and whatever was not measured, are NaN. Delays, gains and offsets of sensors are not taken back.
     """
@@ -111,7 +111,7 @@ def coordinates(observation: Observation, shown: Array) -> Array:
 
 
 def head_positions(observation: Observation, shown: Array) -> Array:
-    """Positions of the heads in the base frame out of measured outputs (m, C), m, shape (m, n, 3); NaN elsewhere."""
+    """Positions of the heads in the world out of measured outputs (m, C), m, shape (m, n, 3); NaN elsewhere."""
     heads = np.full((len(shown), observation.rows.shape[1] // 3, 3), np.nan)
     for k, output in enumerate(observation.outputs):
         if output.kind == "position":

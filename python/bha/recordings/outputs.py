@@ -147,7 +147,7 @@ class Observation:
         )
 
     def predicted(self, lengths: Array, positions: Array | None = None, orientations: Array | None = None) -> Array:
-        """The channels, shape (..., C), out of what the core measures: coordinates and heads in the base frame.
+        """The channels, shape (..., C), out of what the core measures: coordinates and heads in the world.
 
         The core has taken the delays of sensors into account, and has applied gains and offsets of length sensors to
         the coordinates; where sensors sit elsewhere these are taken back and applied to the lengths there.

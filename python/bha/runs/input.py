@@ -22,7 +22,7 @@ class Input:
     Attributes:
         time: sample times, s, shape (m,), ascending; two equal times are a jump.
         pressures: Pa absolute, shape (m, inputs), in the order of ``arm.inputs``.
-        forces: force at each section's centre of mass in the base frame, N, shape (m, n, 3), or None.
+        forces: force at each section's centre of mass in the world, N, shape (m, n, 3), or None.
         commanded: whether the pressures are commands, which act through the arm's pneumatics; else they are those in
             the bellows and act as they are.
         interpolation: what holds between two samples, the straight line (``"linear"``) or the earlier one (``"hold"``).

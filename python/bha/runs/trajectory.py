@@ -33,19 +33,19 @@ class Trajectory:
         lengths: bellows lengths q, m, shape (m, 3n), section by section.
         velocities: their time derivatives, m/s, shape (m, 3n).
         pressures: absolute pressure of each input, Pa, shape (m, inputs).
-        head_positions: position of each section's head in the base frame, m, shape (m, n, 3).
+        head_positions: position of each section's head in the world, m, shape (m, n, 3).
         input_names: names of the pressure inputs, one for each column of ``pressures``.
         statistics: counts of the integrator: ``steps``, ``rejected_steps``, ``evaluations``.
         arm_name: name of the arm.
         measured_lengths: lengths as their sensors have them, m, shape (m, 3n), where effects of the arm act on sensors
             (delay, offset, gain); else None. ``lengths`` are always the true ones; files hold those.
-        head_orientations: orientation of each section's head in the base frame, shape (m, n, 4), or None: unit
+        head_orientations: orientation of each section's head in the world, shape (m, n, 4), or None: unit
             quaternions (w, x, y, z), of the two that mean the same rotation the one with w >= 0.
         measured_head_positions: head positions as they are measured, m, shape (m, n, 3), where an effect of the arm
             delays them; else None. Files hold the true ones.
         measured_head_orientations: orientations likewise, shape (m, n, 4), or None.
         sensors: what the arm's file says of its sensors: files hold heads in the camera's frame, as a log of the arm
-            does; here they are in the base frame.
+            does; here they are in the world.
         virtual_lengths: whether ``lengths`` are no bellows' own, because the arm's bellows are not the standard three
             (at 0, 120 and 240 degrees, at ``bellows_radius``), but those of the three coordinates there: files name
             them ``qv11`` then.

@@ -35,8 +35,8 @@ class Batch:
         time: times of the rows, s, shape (rows,) or (members, rows); NaN where a member has no row.
         lengths: m, shape (members, rows, 3n); NaN from a member's failure on.
         velocities: m/s, shape (members, rows, 3n), or None.
-        head_positions: origins of the heads in the base frame, m, shape (members, rows, n, 3), or None.
-        head_orientations: of the heads in the base frame, unit quaternions (w, x, y, z), w >= 0, shape (members,
+        head_positions: origins of the heads in the world, m, shape (members, rows, n, 3), or None.
+        head_orientations: of the heads in the world, unit quaternions (w, x, y, z), w >= 0, shape (members,
             rows, n, 4), or None.
         failures: for each member None or the error that ended it (a :class:`bha.SimulationError` knows the time).
         statistics: steps, rejected steps and evaluations of each member, shape (members, 3).

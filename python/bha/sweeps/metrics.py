@@ -24,7 +24,7 @@ class Runs:
         time: s, from the run's start on, shape (m, rows).
         lengths: m, shape (m, rows, 3n).
         velocities: m/s, shape (m, rows, 3n).
-        tip: position of the tip in the base frame, m, shape (m, rows, 3).
+        tip: position of the tip in the world, m, shape (m, rows, 3).
         last: index of each run's last row, shape (m,).
         arms: the runs' arms.
         settling_band: share of the largest distance from the end within which the tip has settled.
@@ -124,9 +124,9 @@ def _tip(axis: int) -> Callable[[Runs], Array]:
 
 #: All metrics by name.
 METRICS: dict[str, Metric] = {
-    "final_tip_x": Metric("m", "x of the tip at the end, base frame", _tip(0)),
-    "final_tip_y": Metric("m", "y of the tip at the end, base frame", _tip(1)),
-    "final_tip_z": Metric("m", "z of the tip at the end, base frame", _tip(2)),
+    "final_tip_x": Metric("m", "x of the tip at the end, in the world", _tip(0)),
+    "final_tip_y": Metric("m", "y of the tip at the end, in the world", _tip(1)),
+    "final_tip_z": Metric("m", "z of the tip at the end, in the world", _tip(2)),
     "final_tip_displacement": Metric(
         "m", "distance of the tip from its start at the end", lambda runs: runs.at_end(runs.displacement)
     ),
