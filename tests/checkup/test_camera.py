@@ -55,6 +55,23 @@ def test_a_camera_is_found_and_its_line_repairs_it(name: str, see: str) -> None:
     assert again.faults == ()
 
 
+def test_an_arm_on_a_wall_is_looked_at_from_its_base() -> None:
+    """Base pose: right heads are right, and a camera turned about the arm's axis is mended in the world."""
+    mapping = nominal(2)
+    mapping["base"] = {"position": [0.4, 0.1, 1.3], "rotation_deg": [0.0, 90.0, 0.0]}
+    mapping["gravity"] = [9.81, 0.0, 0.0]  # along the arm, as for the hanging one
+    arm = arm_of(mapping)
+    assert bha.check(arm, log_of(arm, *RIGHT, see="both")).faults == ()
+    base = arm.parameters.base_pose.rotation_matrix
+    camera = base @ about_z(90.0) @ base.T
+    log = log_of(arm, *RIGHT, see="both", heads=lambda h: h @ camera)
+    (fault,) = bha.check(arm, log).faults
+    repairs = [e.repair for e in fault.explanations if e.repair.startswith("[sensors]")]
+    key, value = repairs[0].removeprefix("[sensors] ").split(" = ")
+    mapping["sensors"][key] = json.loads(value)
+    assert bha.check(arm_of(mapping), log).faults == ()
+
+
 def test_a_camera_that_is_a_little_off_is_no_fault() -> None:
     turn = about_z(5.0)
     found = check("both", lambda h: h @ turn.T + np.array([0.02, 0.0, 0.015]))

@@ -5,7 +5,7 @@
 //! dq = J^+ dx - (1 - J^+ J) k grad H, H = 1/2 sum ((q - middle) / half range)^2, by damped least squares
 //! (Nakamura & Hanafusa 1986) so that it stays bounded at singular poses. Positions are iterated to convergence at each
 //! sample, so that nothing drifts.
-//! Frame: base frame. The direction is that of the tip's z axis.
+//! Frame: the world's. The direction is that of the tip's z axis.
 
 use super::dense;
 use crate::arm::Arm;

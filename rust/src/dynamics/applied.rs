@@ -12,7 +12,7 @@ kernel! {
     /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
     ///
     /// `masses`: links of the masses along the sections, after those of the heads; `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force
-    /// point (by default its centre of mass) in the base frame, N (none: no external force); `state`: work space and hidden
+    /// point (by default its centre of mass) in the world, N (none: no external force); `state`: work space and hidden
     /// states of the effects.
     pub fn accumulate<'a, T>(
         arm: &'a Arm<T>,

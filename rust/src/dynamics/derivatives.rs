@@ -38,7 +38,7 @@ pub struct Point<'a> {
     pub qd: &'a [f64],
     /// Pressures, Pa absolute; effects on pressures are at rest under them.
     pub p: &'a [f64],
-    /// Force at each section's centre of mass in the base frame, N.
+    /// Force at each section's centre of mass in the world, N.
     pub f_ext: Option<&'a [Vec3<f64>]>,
 }
 

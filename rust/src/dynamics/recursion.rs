@@ -6,7 +6,7 @@
 //! articulated-body sweep then solves for the rest with no bias of its own.
 //! A mass k along section i is a body beside its head that moves with the same rates: with the subspace S_k of its place,
 //! the joint feels S^T I^A S + sum S_k^T I_k S_k and hands I^A + sum I_k - U D^-1 U^T down, U = I^A S + sum I_k S_k.
-//! Frame: base frame, about its origin O.
+//! Frame: the world's, about its origin O.
 //! Limits: those of the kinematics; the inertia about each joint must be positive, which a positive mass and a positive
 //! section length ensure even without rotational energy.
 
@@ -34,7 +34,7 @@ impl<T: Real> Inertia<T> {
         Self { rotational: Sym3::zero(), coupling: Mat3::zero(), translational: Sym3::zero() }
     }
 
-    /// Inertia of a body of mass `m`; `rotational` is its own tensor about the centre of mass in the base frame.
+    /// Inertia of a body of mass `m`; `rotational` is its own tensor about the centre of mass in the world.
     #[inline(always)]
     pub fn of_body(m: T, link: &Link<T>, rotational: &Sym3<T>) -> Self {
         let o = T::zero();
@@ -64,11 +64,14 @@ impl<T: Real> Inertia<T> {
     }
 }
 
+/// Three motions or forces (angular, linear), one for each rate of a section.
+type Columns<T> = [(Vec3<T>, Vec3<T>); 3];
+
 /// What the articulated-body sweep keeps of a section for its way back up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Joint<T> {
     /// Columns of I^A S: (angular, linear).
-    u: [(Vec3<T>, Vec3<T>); 3],
+    u: Columns<T>,
     /// Inverse of S^T I^A S.
     inverse: Sym3<T>,
     /// Generalized force left after the bias forces.
@@ -82,7 +85,7 @@ impl<T: Real> Joint<T> {
     }
 }
 
-/// The section's own inertia tensor in the base frame; zero where the arm leaves rotational energy out.
+/// The section's own inertia tensor in the world; zero where the arm leaves rotational energy out.
 #[inline(always)]
 pub(crate) fn body_tensor<T: Real>(arm: &Arm<T>, section: &Section<T>, link: &Link<T>) -> Sym3<T> {
     if !arm.body.rotational_energy {
@@ -115,7 +118,7 @@ fn inertia_wrench<T: Real>(m: T, link: &Link<T>, tensor: &Sym3<T>) -> Wrench<T> 
 /// q'' for given state, pressures and external forces, paper (48), into `qdd`.
 ///
 /// `q`, `qd`, `qdd`: three a section; `p`: one an input, Pa absolute; `f_ext`: force at each section's centre of mass in
-/// the base frame, N.
+/// the world, N.
 #[inline(always)]
 pub fn forward_dynamics_into<T: Real>(
     arm: &Arm<T>,
@@ -215,7 +218,7 @@ fn reduce<T: Real>(inertia: &Inertia<T>, bias: &Wrench<T>, link: &Link<T>, load:
 
 /// I S and S^T I S.
 #[inline(always)]
-fn reduced<T: Real>(inertia: &Inertia<T>, link: &Link<T>) -> ([(Vec3<T>, Vec3<T>); 3], Sym3<T>) {
+fn reduced<T: Real>(inertia: &Inertia<T>, link: &Link<T>) -> (Columns<T>, Sym3<T>) {
     let s = &link.subspace;
     let along_l = s.linear[2];
     let u = [
@@ -266,7 +269,7 @@ kernel! {
 
 /// u[0] k[0] + u[1] k[1] + u[2] k[2].
 #[inline(always)]
-fn mix<T: Real>(u: &[(Vec3<T>, Vec3<T>); 3], k: [T; 3]) -> (Vec3<T>, Vec3<T>) {
+fn mix<T: Real>(u: &Columns<T>, k: [T; 3]) -> (Vec3<T>, Vec3<T>) {
     (u[0].0.combined(k, u[1].0, u[2].0), u[0].1.combined(k, u[1].1, u[2].1))
 }
 

@@ -2,7 +2,7 @@
 //! (`dynamics::applied`).
 //!
 //! Every force adds to two accumulators per section: a generalized force on (u, v, l), and a wrench on the head body,
-//! (torque about the base's origin O, force), in the base frame. [`project`] turns both into generalized forces.
+//! (torque about the world's origin O, force), in the world. [`project`] turns both into generalized forces.
 
 pub(crate) mod bellows;
 pub(crate) mod bending;
@@ -12,10 +12,10 @@ use crate::kinematics::chain::Link;
 use crate::real::Real;
 use crate::real::linear::Vec3;
 
-/// A wrench in the base frame.
+/// A wrench in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Wrench<T> {
-    /// Torque about the base's origin O, N m.
+    /// Torque about the world's origin O, N m.
     pub torque: Vec3<T>,
     /// Force, N.
     pub force: Vec3<T>,

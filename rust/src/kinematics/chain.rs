@@ -1,4 +1,4 @@
-//! The chain of sections: poses, motion subspaces, velocities and velocity-product accelerations in the base frame.
+//! The chain of sections: poses, motion subspaces, velocities and velocity-product accelerations in the world.
 //!
 //! Source: paper (13), (14), (19)-(24), (66)-(73); written as a recursion over the sections.
 //! Frame: the world's (the base's where an arm has no base pose), spatial quantities about its origin O: the linear part of a motion subspace is the velocity

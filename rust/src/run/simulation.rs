@@ -34,7 +34,7 @@ pub struct Rows {
     pub velocities: Vec<f64>,
     /// Pressures in the chambers, one an input a row, Pa.
     pub pressures: Vec<f64>,
-    /// Origins of the heads in the base frame, 3n a row, m.
+    /// Origins of the heads in the world, 3n a row, m.
     pub head_positions: Vec<f64>,
     /// Orientations of the heads: unit quaternions (w, x, y, z) with w >= 0, 4n a row.
     pub head_orientations: Vec<f64>,

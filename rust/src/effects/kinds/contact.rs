@@ -3,7 +3,7 @@
 //! Source: Kelvin-Voigt contact, force never pulling, with an onset rounded over a length e so that the step control of
 //! the arm does not stumble over it. Rounded by a polynomial and not by a hyperbola, whose force decays as e^2 / (4 |d|)
 //! only: a wall must not be felt from afar.
-//! Form: depth d = n.(wall - r), n the wall's unit normal out of it, r the head's origin, base frame; rounded depth D(d):
+//! Form: depth d = n.(wall - r), n the wall's unit normal out of it, r the head's origin, in the world; rounded depth D(d):
 //! 0 for d < -e, d for d > e, between them D = 2 e t^3 (1 - t / 2) with t = (d + e) / (2 e), D' = t^2 (3 - 2 t), which
 //! joins both with two continuous derivatives; force n max(k D + c D' d', 0). Sign: pushes along n.
 //! Validity: passive (energy of the spring: the integral of k D, not negative); a plane without friction against one

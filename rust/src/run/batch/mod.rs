@@ -64,7 +64,7 @@ pub struct BatchRows {
     pub lengths: Vec<f64>,
     /// Rates, 3n a row, m/s, or empty.
     pub velocities: Vec<f64>,
-    /// Origins of the heads in the base frame, 3n a row, m, or empty.
+    /// Origins of the heads in the world, 3n a row, m, or empty.
     pub head_positions: Vec<f64>,
     /// Orientations of the heads, unit quaternions (w, x, y, z) with w >= 0, 4n a row, or empty.
     pub head_orientations: Vec<f64>,
