@@ -18,7 +18,7 @@ import time
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,7 @@ FAULTS = (
     "mirror",
     "axes",
     "sensors",
+    "crossed",
     "gauge",
     "unit",
     "gravity",
@@ -55,6 +56,7 @@ NAMES = {
     "sections": "tubes of two sections exchanged", "azimuth": "azimuth of a section, 15 to 180 deg",
     "camera": "camera turned about the arm, 15 to 180 deg", "mirror": "camera mirrored",
     "axes": "camera's axes exchanged or reversed", "sensors": "two length sensors exchanged",
+    "crossed": "length sensors of two sections exchanged",
     "gauge": "gauge read as absolute, or the reverse", "unit": "unit of pressures, lengths or heads",
     "gravity": "sign of gravity",
 }  # fmt: skip
@@ -73,6 +75,7 @@ class Case:
     feeds: tuple[int, ...] | None = None
     section: int = -1
     angle: float = 0.0
+    pair: set[str] = field(default_factory=set)
 
 
 def mapping_of(name: str) -> dict[str, Any]:
@@ -163,7 +166,7 @@ def _possible(name: str, n: int, sensors: str, fault: str, *, heads: bool, lengt
         return False
     if fault == "sensors" and (not lengths or sensors == "wires"):
         return False
-    if fault == "sections" and n < 2:
+    if (fault == "sections" and n < 2) or (fault == "crossed" and (n < 2 or not lengths or sensors == "wires")):
         return False
     if sensors == "tip" and (n < 2 or fault in ("sections", "gravity")):
         return False
@@ -242,6 +245,11 @@ def _exchanged(case: Case, table: Array, random: np.random.Generator) -> Array:
             (0, int(random.integers(1, 3))) if case.arm.name.startswith("asu") else random.choice(3, 2, replace=False)
         )
         pair = [3 * case.section + int(a), 3 * case.section + int(b)]
+        table[:, pair] = table[:, pair[::-1]]
+    if case.fault == "crossed":
+        first, second = random.choice(table.shape[1] // 3, 2, replace=False)
+        pair = [3 * int(first) + int(random.integers(3)), 3 * int(second) + int(random.integers(3))]
+        case.pair = {names.length_name(k // 3 + 1, k % 3 + 1) for k in pair}
         table[:, pair] = table[:, pair[::-1]]
     return table
 
@@ -365,6 +373,9 @@ def named(case: Case, found: bha.Checkup) -> bool:
     }  # fmt: skip
     if case.fault in by_kind:
         return bool(kinds & by_kind[case.fault])
+    if case.fault == "crossed":
+        said = [e.what for finding in found.faults for e in finding.explanations]
+        return any(what.startswith("length sensors exchanged") and all(n in what for n in case.pair) for what in said)
     causes = found.verdict.causes if found.verdict is not None else ()
     return any(_is_cause(case, cause) for cause in causes)
 

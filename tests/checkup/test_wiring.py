@@ -209,6 +209,21 @@ def test_exchanged_sensors_are_told_from_tubes_where_heads_are_seen_too() -> Non
     assert "rename q21 to q22, q22 to q21" in repairs(found)
 
 
+@pytest.mark.parametrize(("sections", "a", "b"), [(2, "q13", "q21"), (3, "q12", "q33")])
+def test_length_sensors_of_two_sections_exchanged(sections: int, a: str, b: str) -> None:
+    arm = arm_of(nominal(sections))
+    columns = [f"q{i}{k}" for i in range(1, sections + 1) for k in (1, 2, 3)]
+    order = [columns.index({a: b, b: a}.get(name, name)) for name in columns]
+    found = bha.check(arm, log_of(arm, *steps(arm), see="lengths", lengths=lambda q: q[:, order]))
+    assert explanations(found) == [f"length sensors exchanged: {a} and {b}"]
+    assert f"rename {a} to {b}, {b} to {a}" in repairs(found)
+    # A tube of each section exchanged is not taken for it.
+    fed = list(range(3 * sections))
+    fed[2], fed[3] = 3, 2
+    found = bha.check(arm, log_of(arm, *steps(arm), see="lengths", feeds=fed))
+    assert explanations(found)[0].startswith("tubes exchanged: p13 and p21")
+
+
 def test_four_columns_with_two_neighbours_exchanged() -> None:
     mapping = nominal(1)
     mapping["section"][0]["bellows"] = [{"angle_deg": 90.0 * k, "input": f"p1{k + 1}"} for k in range(4)]
@@ -334,6 +349,8 @@ def test_one_log_of_several_with_swapped_tubes_is_named() -> None:
     assert fault.where == "log1"
     assert fault.explanations[0].what == "tubes exchanged: p11 and p12"
     assert "log0 does not show it" in fault.evidence
+    # The file is right for the others: it is the log that is to be mended.
+    assert fault.explanations[0].repair == "in the log's heading rename p11 to p12, p12 to p11"
     assert [f.where for f in bha.check(arm, named).faults] == ["log1"]
     assert bha.check(arm, [named[0], named[2]]).faults == ()
     # Where all logs say the same it is said of all.

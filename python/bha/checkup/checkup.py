@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bha.checkup.camera import Frame, frame_of
 from bha.checkup.causes import NOTED_TURN
+from bha.checkup.crossed import crossed
 from bha.checkup.explain import LEAST_TURN, STANDARD_ERRORS, Verdict, judge
 from bha.checkup.facts import LogFacts, facts_of, read_pressures
 from bha.checkup.finding import Finding, merged, worst_first
@@ -210,6 +211,10 @@ def _motions(
         verdict = judge(told)
         where = ", ".join(one.name for one in others)
     wiring = wiring_finding(verdict, told, columns, axes, where)
+    used = _others(framed, apart) or framed
+    pair = crossed(layout, used, told, verdict)
+    if pair is not None:
+        wiring, verdict = pair.finding(where), replace(verdict, causes=())
     if wiring is not None:
         found = _one_camera(found, wiring, [cause.kind for cause in verdict.causes])
     found += notes(verdict, layout, where, NOTED_TURN, LEAST_TURN, STANDARD_ERRORS)
@@ -230,7 +235,7 @@ def _of_one_log(
     one: OneLog, columns: Sequence[str], axes: Array, apart: Sequence[OneLog], seen: Sequence[Seen]
 ) -> Finding | None:
     """The finding of one log that is at fault alone."""
-    finding = wiring_finding(one.verdict, one.found, columns, axes, one.name)
+    finding = wiring_finding(one.verdict, one.found, columns, axes, one.name, alone=bool(_others(seen, apart)))
     right = [log.name for log in _others(seen, apart)]
     if finding is None or not right:
         return finding

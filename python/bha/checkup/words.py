@@ -21,7 +21,7 @@ MOST_LISTED = 6
 
 
 def wiring_finding(
-    verdict: Verdict, found: Evidence, columns: Sequence[str], camera: Array, where: str
+    verdict: Verdict, found: Evidence, columns: Sequence[str], camera: Array, where: str, *, alone: bool = False
 ) -> Finding | None:
     """The finding of a verdict, None where the file explains the motions as well as anything.
 
@@ -31,11 +31,13 @@ def wiring_finding(
         columns: of the log, for each input.
         camera: axes of the camera's frame as columns in the base frame, as the file says, shape (3, 3).
         where: name of the log or logs.
+        alone: whether it is of one log among others that are right: then the arm's file is right, too.
     """
     layout = found.layout
     if verdict.causes:
         top = verdict.causes[0]
-        explanations = tuple(explanation(cause, found, columns, camera) for cause in verdict.causes[:MOST_LISTED])
+        listed = verdict.causes[:MOST_LISTED]
+        explanations = tuple(explanation(cause, found, columns, camera, alone=alone) for cause in listed)
         what = _headline(top, layout)
         kind = "camera" if {c.kind for c in verdict.causes} == {"camera"} else "wiring"
         return Finding(
@@ -120,20 +122,24 @@ def untold(verdict: Verdict, found: Evidence, columns: Sequence[str]) -> list[st
     return said
 
 
-def explanation(cause: Cause, found: Evidence, columns: Sequence[str], camera: Array) -> Explanation:
-    """A cause in words, with the line that mends it."""
+def explanation(
+    cause: Cause, found: Evidence, columns: Sequence[str], camera: Array, *, alone: bool = False
+) -> Explanation:
+    """A cause in words, with the line that mends it; of a log that is ``alone`` at fault the log's, not the file's."""
     if cause.kind in ("tubes", "tubes_between", "sections"):
-        said = _tubes(cause, found.layout, columns)
+        said = _tubes(cause, found.layout, columns, alone=alone)
     elif cause.kind == "azimuth":
         said = _azimuth(cause, found)
     elif cause.kind == "camera":
         said = _camera(cause, camera, found.layout.base_rotation)
     else:
         said = _sensors(cause, found)
+    if alone and cause.kind in ("azimuth", "camera"):
+        said = replace(said, repair=f"a copy of the arm's file for this log alone, with {said.repair}")
     return said if cause.count == 1 else replace(said, what=f"{said.what} ({cause.count} mistakes at once)")
 
 
-def _tubes(cause: Cause, layout: Layout, columns: Sequence[str]) -> Explanation:
+def _tubes(cause: Cause, layout: Layout, columns: Sequence[str], *, alone: bool) -> Explanation:
     changed = {columns[j]: columns[k] for j, k in enumerate(cause.assignment.feeds) if j != k}
     lines = []
     for i in range(layout.section_count):
@@ -147,10 +153,9 @@ def _tubes(cause: Cause, layout: Layout, columns: Sequence[str]) -> Explanation:
         what = f"tubes of sections {_list(cause.sections)} exchanged as a whole: {_arrows(changed)}"
     else:
         what = f"tubes exchanged: {_arrows(changed)}"
-    repair = (
-        f"in the log's heading rename {pairs}; or in the arm's file write the [[section.bellows]] of "
-        + ", those of ".join(lines)
-    )
+    repair = f"in the log's heading rename {pairs}"
+    if not alone:
+        repair += "; or in the arm's file write the [[section.bellows]] of " + ", those of ".join(lines)
     return Explanation(what, repair)
 
 
