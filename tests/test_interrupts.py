@@ -64,7 +64,7 @@ calls = {
         arm, np.tile(tip, (10**6, 1)), None, Q, np.full(9, 0.1), np.full(9, 0.3)
     ),
     "virtual arm": lambda: virtual.run(
-        ends, np.vstack([P, P]), None, ends, virtual.rest(P), 0.0 * Q, np.zeros(virtual.creep_states), 1e-3
+        _core.Input(ends, np.vstack([P, P])), ends, virtual.rest(P), 0.0 * Q, np.zeros(virtual.creep_states), 1e-3
     ),
 }
 
