@@ -79,6 +79,9 @@ impl<T: Real> Arm<T> {
     /// call changes nothing.
     pub fn applied(mut self) -> Self {
         self.effects.apply(&mut self.body);
+        if let Some(pneumatics) = &mut self.pneumatics {
+            pneumatics.walls_give = !self.body.area_changes.is_empty();
+        }
         self
     }
 }

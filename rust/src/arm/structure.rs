@@ -31,7 +31,7 @@ fn rebuilt<T: Real>(arm: &Arm, build: impl Fn(usize) -> T) -> Arm<T> {
 
 /// Whether two arms differ in numbers alone.
 pub fn same_structure(a: &Arm, b: &Arm) -> bool {
-    let air = |a: &Arm| a.pneumatics.as_ref().map(|p| (p.level, p.has_vacuum));
+    let air = |a: &Arm| a.pneumatics.as_ref().map(|p| (p.level, p.has_vacuum, p.walls_give));
     let switches = |a: &Body| (a.force_model, a.rotational_energy, a.coriolis_forces, a.inputs, a.sections.len());
     let section = |(s, t): (&Section<f64>, &Section<f64>)| {
         s.products_of_inertia.is_some() == t.products_of_inertia.is_some()
@@ -47,6 +47,7 @@ pub fn same_structure(a: &Arm, b: &Arm) -> bool {
     switches(&a.body) == switches(&b.body)
         && air(a) == air(b)
         && a.body.sections.iter().zip(&b.body.sections).all(section)
+        && a.body.area_changes.len() == b.body.area_changes.len()
         && e.list.len() == f.list.len()
         && e.list.iter().zip(&f.list).all(|(e, f)| {
             let program = |d: &Definition| d.program.as_ref().map(Arc::as_ptr);

@@ -24,6 +24,15 @@ use crate::real::linear::Vec3;
 /// Most sections: rest and linearization take time with the cube of their number, about a second for these.
 pub const MOST_SECTIONS: usize = 256;
 
+/// How the terminal area of a bellows changes: A = A_P (1 + a (p - p_amb) + b (q - q_rest)).
+#[derive(Clone, Copy, Debug)]
+pub struct AreaChange<T> {
+    /// a, 1/Pa.
+    pub by_pressure: T,
+    /// b, 1/m.
+    pub by_length: T,
+}
+
 /// Sections, and what holds for all of them.
 #[derive(Clone, Debug)]
 pub struct Body<T = f64> {
@@ -43,6 +52,8 @@ pub struct Body<T = f64> {
     pub inputs: usize,
     /// The sections from the base on.
     pub sections: Vec<Section<T>>,
+    /// Changes of the terminal areas, one a bellows, section by section; empty where none changes.
+    pub area_changes: Vec<AreaChange<T>>,
 }
 
 impl Body<f64> {
@@ -87,6 +98,7 @@ impl Body<f64> {
             coriolis_forces: parameters.coriolis_forces,
             inputs: parameters.inputs.len(),
             sections,
+            area_changes: Vec::new(),
         })
     }
 
@@ -101,6 +113,11 @@ impl Body<f64> {
             coriolis_forces: self.coriolis_forces,
             inputs: self.inputs,
             sections: self.sections.iter().map(|s| s.map(c)).collect(),
+            area_changes: self
+                .area_changes
+                .iter()
+                .map(|x| AreaChange { by_pressure: c(x.by_pressure), by_length: c(x.by_length) })
+                .collect(),
         }
     }
 }

@@ -156,6 +156,13 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
         false
     }
 
+    /// Whether what it makes of a pressure depends on earlier ones: it acts on the air that arrives and leaves then, and
+    /// not on air that is shut in.
+    #[inline(always)]
+    fn remembers(&self) -> bool {
+        true
+    }
+
     /// Turns what comes in into what goes out, in place: `p` holds one pressure an input. Over `elapsed` seconds what comes
     /// in has gone from `from` to `p` in a straight line; `last` went out at the start. No time may have passed, in some lanes or in all.
     #[inline(always)]

@@ -4,10 +4,23 @@
 //! the chain is kept beside the arm: it moves forward through the samples of the input, in straight pieces, and goes back to
 //! the step's start when a step is begun again. Every stage is exact on a straight piece of what comes in (see the kinds); a stage after
 //! a lag gets the chord of the lag's output, an error of second order in the distance of samples.
+//!
+//! Behind chambers that shut air in ([`Sort::Remembering`]) pressures in the chain are those that the air would have at
+//! constant volume, which the arm's motion does not change (`pneumatics::Chambers::reference`); stages that remember nothing
+//! (gain, offset) act behind it, on the pressures themselves ([`read`]). A lag and a delay do not mind the order.
 
 use super::Effects;
 use super::upstream::Upstream;
 use crate::real::{Real, kernel};
+
+/// Which effects on pressures a chain has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sort {
+    /// All.
+    All,
+    /// Those that remember earlier pressures.
+    Remembering,
+}
 
 /// The pressures of one run on their way through the chain.
 #[derive(Clone, Debug)]
@@ -30,8 +43,14 @@ pub struct PressureChain<T> {
 }
 
 impl<T: Real> PressureChain<T> {
-    /// The chain of an arm with `effects` and so many pressure inputs; none where no effect acts on pressures. At rest at `start` under what comes in then.
-    pub fn new(effects: &Effects<T>, inputs: usize, input: &mut impl Upstream<T>, start: f64) -> Option<Self> {
+    /// The chain of an arm with `effects` and so many pressure inputs; none where no effect of the `sort` acts on pressures. At
+    /// rest at `start` under what comes in then.
+    pub fn new(
+        (effects, sort): (&Effects<T>, Sort),
+        inputs: usize,
+        input: &mut impl Upstream<T>,
+        start: f64,
+    ) -> Option<Self> {
         let list = &effects.list;
         let delays: Vec<Option<T>> = (0..inputs)
             .map(|j| {
@@ -40,7 +59,11 @@ impl<T: Real> PressureChain<T> {
                     .fold(None, |sum: Option<T>, d| Some(sum.map_or(d, |s| s + d)))
             })
             .collect();
-        let stages: Vec<usize> = (0..list.len()).filter(|&k| list[k].kind.shapes_pressures()).collect();
+        let has = |k: &usize| {
+            let kind = &list[*k].kind;
+            kind.shapes_pressures() && (sort == Sort::All || kind.remembers())
+        };
+        let stages: Vec<usize> = (0..list.len()).filter(has).collect();
         if stages.is_empty() && delays.iter().all(Option::is_none) {
             return None;
         }
@@ -186,6 +209,21 @@ impl<T: Real> PressureChain<T> {
 kernel! {
     fn stages<'a, T>(chain: &'a mut PressureChain<T>, effects: &'a Effects<T>, elapsed: T) {
         chain.stages(effects, elapsed);
+    }
+}
+
+/// Whether effects on pressures are left over behind those that remember.
+pub fn has_readings<T: Real>(effects: &Effects<T>) -> bool {
+    effects.list.iter().any(|e| e.kind.shapes_pressures() && !e.kind.remembers())
+}
+
+/// What these make of pressures, in place.
+#[inline(always)]
+pub fn read<T: Real>(effects: &Effects<T>, p: &mut [T]) {
+    for entry in &effects.list {
+        if !entry.kind.remembers() {
+            entry.kind.pressures_at_rest(p);
+        }
     }
 }
 

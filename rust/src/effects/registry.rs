@@ -71,6 +71,7 @@ macro_rules! dispatch {
             add_forces(now: &mut Instant<'_, T>, hidden: &[T]);
             advance(now: &Instant<'_, T>, hidden: &mut [T]);
             shapes_pressures() -> bool;
+            remembers() -> bool;
             pressures(elapsed: T, from: &[T], last: &[T], p: &mut [T]);
             pressures_at_rest(p: &mut [T]);
             input_delay(input: usize) -> Option<T>;

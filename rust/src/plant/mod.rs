@@ -11,10 +11,10 @@ use crate::arm::Arm;
 use crate::body::parameters::PneumaticsLevel;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
-use crate::effects::poses;
-use crate::effects::pressures::PressureChain;
+use crate::effects::pressures::{PressureChain, Sort, has_readings};
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
+use crate::effects::{self, poses};
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::chain::Link;
@@ -53,6 +53,8 @@ pub struct Plant<T = f64> {
     chain: Option<PressureChain<T>>,
     /// What comes into the chain where that is not the input.
     history: Option<History<T>>,
+    /// Whether gains and offsets act behind the chain.
+    readings: bool,
     sensors: Option<Sensors<T>>,
     begun: bool,
 }
@@ -82,6 +84,7 @@ impl<T: Real> Plant<T> {
             chamber_pressures: Vec::new(),
             chain: None,
             history: None,
+            readings: false,
             sensors: None,
             begun: false,
         }
@@ -137,6 +140,12 @@ impl<T: Real> Plant<T> {
         self.drives.has_forces()
     }
 
+    /// Whether chambers shut air in, which valves and what lies before the bellows do not delay.
+    #[inline(always)]
+    fn is_trapped(&self) -> bool {
+        self.chambers.is_some() && !self.is_lagged()
+    }
+
     /// Whether sensors are modelled.
     pub fn has_sensors(&self) -> bool {
         self.sensors.is_some()
@@ -147,16 +156,25 @@ impl<T: Real> Plant<T> {
         self.begun = true;
         self.read.0 = f64::NAN;
         if self.chambers.is_some() || self.held.is_some() {
-            let mut p = self.pressures.clone();
-            self.chamber_pressures_into(t, &x[..x.len() / 2], &mut p);
+            let (q, mut p) = (&x[..x.len() / 2], self.pressures.clone());
+            match (&mut self.chambers, &self.arm.pneumatics) {
+                (Some(chambers), Some(pneumatics)) => {
+                    chambers.reference(pneumatics, &self.arm.body, (t, q), &mut p);
+                }
+                _ => self.commands_into(t, t >= self.step_end, &mut p),
+            }
             let mut history = History::new(t, &p).on_clock(self.drives.clock());
-            self.chain = PressureChain::new(&self.arm.effects, self.arm.body.inputs, &mut history, t);
+            let trapped = self.is_trapped();
+            let sort = if trapped { Sort::Remembering } else { Sort::All };
+            self.chain = PressureChain::new((&self.arm.effects, sort), self.arm.body.inputs, &mut history, t);
+            self.readings = trapped && has_readings(&self.arm.effects);
             if let Some(chain) = &self.chain {
                 history.reach(chain.horizon());
                 self.history = Some(history);
             }
         } else {
-            self.chain = PressureChain::new(&self.arm.effects, self.arm.body.inputs, &mut self.drives, t);
+            let effects = (&self.arm.effects, Sort::All);
+            self.chain = PressureChain::new(effects, self.arm.body.inputs, &mut self.drives, t);
         }
         self.sensors = Sensors::new(&self.arm.effects, t, x);
     }
@@ -213,8 +231,9 @@ impl<T: Real> Plant<T> {
         if !again && self.has_forces() {
             self.drives.forces(t, before, &mut self.ws.external);
         }
-        // Only pressures of chambers depend on the lengths; those that effects act on are predicted.
-        if again && (self.chambers.is_none() || self.chain.is_some()) {
+        // Only pressures of trapped air depend on the lengths.
+        let trapped = self.is_trapped();
+        if again && !trapped {
             return;
         }
         let mut pressures = std::mem::take(&mut self.pressures);
@@ -222,6 +241,15 @@ impl<T: Real> Plant<T> {
             (Some(chain), Some(history)) => chain.acting(&self.arm.effects, history, t, &mut pressures),
             (Some(chain), None) => chain.acting(&self.arm.effects, &mut self.drives, t, &mut pressures),
             (None, _) => self.chamber_pressures_into(t, q, &mut pressures),
+        }
+        if trapped
+            && self.chain.is_some()
+            && let (Some(chambers), Some(pneumatics)) = (&mut self.chambers, &self.arm.pneumatics)
+        {
+            chambers.released(pneumatics, &self.arm.body, q, &mut pressures);
+        }
+        if self.readings {
+            effects::pressures::read(&self.arm.effects, &mut pressures);
         }
         self.pressures = pressures;
     }
@@ -241,7 +269,7 @@ impl<T: Real> Plant<T> {
         }
     }
 
-    /// Notes what comes into the chain over a step: with the lengths moving on evenly, since the chain comes first.
+    /// Notes what comes into the chain over a step, which does not depend on how the arm moves in it.
     #[inline(always)]
     fn begin_history(&mut self, t0: f64, t1: f64) {
         let Some(history) = &mut self.history else { return };

@@ -1,9 +1,10 @@
 //! The chambers of an arm from step to step: hidden states of the plant.
 
+use super::chamber::{self, Volume};
 use super::inputs::{Fill, Place, Read};
 use super::lag::lagged;
 use super::substep::{Drive, Input};
-use super::{LONGEST_STEP, Pneumatics, SUBSTEP, chamber};
+use super::{LONGEST_STEP, Pneumatics, SUBSTEP};
 use crate::body::Body;
 use crate::body::parameters::PneumaticsLevel;
 use crate::real::{Real, kernel};
@@ -24,26 +25,29 @@ pub struct Chambers<T = f64> {
     start: f64,
     end: f64,
     /// Volumes at a stage, and the start's rates.
-    pub(super) volumes: Vec<T>,
-    rates: Vec<T>,
+    pub(super) volumes: Vec<Volume<T>>,
+    rates: Vec<Volume<T>>,
+    /// Pressures on their way, work space.
+    passing: Vec<T>,
 }
 
 impl<T: Real> Chambers<T> {
     /// Chambers at rest at lengths `q` with pressures `p`, valves closed.
     pub fn new(pneumatics: &Pneumatics<T>, body: &Body<T>, q: &[T], p: &[T]) -> Self {
         let zero = T::zero();
-        let mut volumes = vec![zero; body.inputs];
-        chamber::volumes(body, pneumatics.dead_volume, q, false, &mut volumes);
-        let content = |p: T, v: T| match pneumatics.level {
+        let mut volumes = vec![Volume::rigid(zero); body.inputs];
+        chamber::volumes(body, pneumatics.dead_volume, q, &mut volumes);
+        let content = |p: T, v: &Volume<T>| match pneumatics.level {
             PneumaticsLevel::Full => chamber::mass(pneumatics, p, v),
             _ => p,
         };
         let now: Vec<_> = p
             .iter()
             .zip(&volumes)
-            .map(|(&p, &v)| Input { content: content(p, v), spool: zero, integral: zero })
+            .map(|(&p, v)| Input { content: content(p, v), spool: zero, integral: zero })
             .collect();
-        let idle = Drive { reference: zero, reference_rate: zero, volume: zero, volume_rate: zero };
+        let still = Volume::rigid(zero);
+        let idle = Drive { reference: zero, reference_rate: zero, volume: still, volume_rate: still };
         // Room for the sub-steps of the longest step, so that nothing is allocated on the way.
         let room = ((LONGEST_STEP / SUBSTEP).ceil() as usize + 2) * body.inputs;
         let mut nodes = Vec::with_capacity(room);
@@ -59,6 +63,7 @@ impl<T: Real> Chambers<T> {
             end: 0.0,
             rates: volumes.clone(),
             volumes,
+            passing: p.to_vec(),
         }
     }
 
@@ -108,8 +113,8 @@ impl<T: Real> Chambers<T> {
         self.end = t1;
         let lag = pneumatics.level == PneumaticsLevel::Lag;
         if !lag {
-            chamber::volumes(body, pneumatics.dead_volume, q, false, &mut self.volumes);
-            chamber::volumes(body, pneumatics.dead_volume, qd, true, &mut self.rates);
+            chamber::volumes(body, pneumatics.dead_volume, q, &mut self.volumes);
+            chamber::volume_rates(body, (q, qd), &mut self.rates);
         }
         for (j, drive) in self.drives.iter_mut().enumerate() {
             let (from, to) = (commands[0][j], commands[1][j]);
@@ -155,10 +160,10 @@ impl<T: Real> Chambers<T> {
             }
             return;
         }
-        chamber::volumes(body, pneumatics.dead_volume, q, false, &mut self.volumes);
+        chamber::volumes(body, pneumatics.dead_volume, q, &mut self.volumes);
         if self.substeps == 0 {
             for ((p, content), volume) in out.iter_mut().zip(&self.nodes).zip(&self.volumes) {
-                *p = chamber::pressure(pneumatics, *content, *volume);
+                *p = chamber::pressure(pneumatics, *content, volume);
             }
             return;
         }
@@ -166,10 +171,10 @@ impl<T: Real> Chambers<T> {
         let k = (place as usize).min(self.substeps - 1);
         let at =
             Place { node: k, time: k as f64 / self.substeps as f64 * (self.end - self.start), on: place - k as f64 };
-        T::side_by_side(out.len(), Read { chambers: self, exponent: pneumatics.exponent, at, out });
+        T::side_by_side(out.len(), Read { chambers: self, air: pneumatics.air(), at, out });
     }
 
-    /// Pressures at the ends of the sub-steps of the step begun last, with the lengths moving on evenly.
+    /// Pressures at the ends of the sub-steps of the step begun last, as [`Chambers::reference`] has them.
     #[inline(always)]
     pub fn predicted(&mut self, pneumatics: &Pneumatics<T>, mut each: impl FnMut(f64, &[T])) {
         // The lag bends within a step; as many pieces as the chambers have.
@@ -180,18 +185,41 @@ impl<T: Real> Chambers<T> {
         for k in 0..=pieces {
             let elapsed = h * k as f64 / pieces as f64;
             for j in 0..inputs {
-                let drive = &self.drives[j];
-                self.volumes[j] = if lag {
-                    lagged(pneumatics, self.nodes[j], drive, elapsed)
+                self.passing[j] = if lag {
+                    lagged(pneumatics, self.nodes[j], &self.drives[j], elapsed)
                 } else {
-                    chamber::pressure(
-                        pneumatics,
-                        self.nodes[k * inputs + j],
-                        drive.volume + drive.volume_rate * elapsed,
-                    )
+                    let volume = Volume::rigid(pneumatics.control_volume[j]);
+                    chamber::pressure(pneumatics, self.nodes[k * inputs + j], &volume)
                 };
             }
-            each(self.start + elapsed, &self.volumes);
+            each(self.start + elapsed, &self.passing);
+        }
+    }
+
+    /// What effects that remember pressures are to see of the chambers, at time `t` of the step begun last and lengths `q`,
+    /// into `out`: with `full` the pressures that the air would have in the reference volumes
+    /// ([`Pneumatics::control_volume`]), with `lag` the pressures.
+    ///
+    /// A tube between valve and bellows, or a lazy valve, keeps air from arriving, not the air that has arrived from being
+    /// compressed by the bellows: what lags, waits or sticks is the pressure at constant volume, which the arm's motion does
+    /// not change while valves are closed. If the pressure itself lagged, so would the spring that trapped air is, and a
+    /// spring that lags gives more than it takes.
+    pub fn reference(&mut self, pneumatics: &Pneumatics<T>, body: &Body<T>, (t, q): (f64, &[T]), out: &mut [T]) {
+        self.pressures(pneumatics, body, t, q, out);
+        if pneumatics.level == PneumaticsLevel::Full {
+            for ((p, now), volume) in out.iter_mut().zip(&self.volumes).zip(&pneumatics.control_volume) {
+                *p = chamber::pressure(pneumatics, chamber::mass(pneumatics, *p, now), &Volume::rigid(*volume));
+            }
+        }
+    }
+
+    /// Takes pressures in the reference volume, in place, to the volumes at lengths `q` (`full`).
+    #[inline(always)]
+    pub fn released(&mut self, pneumatics: &Pneumatics<T>, body: &Body<T>, q: &[T], p: &mut [T]) {
+        chamber::volumes(body, pneumatics.dead_volume, q, &mut self.volumes);
+        let (air, one) = (pneumatics.air(), T::one());
+        for ((p, volume), reference) in p.iter_mut().zip(&self.volumes).zip(&pneumatics.control_volume) {
+            *p = air.pressure_from((*p, one, Volume::rigid(*reference)), (one, *volume));
         }
     }
 

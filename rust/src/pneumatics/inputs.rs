@@ -4,8 +4,9 @@
 //! many of them as the scalar can pack are advanced at once ([`crate::real::SideBySide`]). The last place of a pack repeats
 //! the last input where the inputs do not fill it.
 
+use super::chamber::{self, Air, Volume};
 use super::substep::{Drive, Input, substep};
-use super::{Chambers, Pneumatics, chamber};
+use super::{Chambers, Pneumatics};
 use crate::real::{Packing, Real, SideBySide};
 
 /// A moment within a step of the arm.
@@ -17,6 +18,13 @@ pub struct Place {
     pub time: f64,
     /// How far it is on the way to the next node, 0 to 1.
     pub on: f64,
+}
+
+/// Volumes packed; what they gain by pressure only where walls give way.
+#[inline(always)]
+fn packed<T: Real, P: Packing<T>>(walls_give: bool, volume: impl Fn(usize) -> Volume<T>) -> Volume<P::Wide> {
+    let by_pressure = if walls_give { P::pack(|i| volume(i).by_pressure) } else { P::Wide::zero() };
+    Volume { at_ambient: P::pack(|i| volume(i).at_ambient), by_pressure }
 }
 
 /// Advances all inputs over a step in sub-steps of `step` s; nodes are as long as they need to be.
@@ -45,12 +53,12 @@ impl<T: Real> SideBySide<T> for Fill<'_, T> {
             let drive = Drive {
                 reference: P::pack(|i| drives[(first + i).min(last)].reference),
                 reference_rate: P::pack(|i| drives[(first + i).min(last)].reference_rate),
-                volume: P::pack(|i| drives[(first + i).min(last)].volume),
-                volume_rate: P::pack(|i| drives[(first + i).min(last)].volume_rate),
+                volume: packed::<T, P>(k.walls_give, |i| drives[(first + i).min(last)].volume),
+                volume_rate: packed::<T, P>(k.walls_give, |i| drives[(first + i).min(last)].volume_rate),
             };
             let volume = P::pack(|i| pneumatics.control_volume[(first + i).min(last)]);
             let used = P::WIDTH.min(inputs - first);
-            let mut x = (x, chamber::pressure(&k, x.content, drive.volume));
+            let mut x = (x, chamber::pressure(&k, x.content, &drive.volume));
             for node in 0..=*substeps {
                 if node > 0 {
                     x = substep(&k, volume, x, &drive, ((node - 1) as f64 * step, step));
@@ -77,8 +85,8 @@ impl<T: Real> SideBySide<T> for Fill<'_, T> {
 pub struct Read<'a, T> {
     /// Those of one arm.
     pub chambers: &'a Chambers<T>,
-    /// Polytropic exponent.
-    pub exponent: T,
+    /// Their law.
+    pub air: Air<T>,
     /// When.
     pub at: Place,
     /// One pressure an input, Pa.
@@ -88,9 +96,11 @@ pub struct Read<'a, T> {
 impl<T: Real> SideBySide<T> for Read<'_, T> {
     #[inline(always)]
     fn run<P: Packing<T>>(self) {
-        let Self { chambers, exponent, at, out } = self;
+        let Self { chambers, air, at, out } = self;
         let Chambers { drives, nodes, node_pressures, volumes, .. } = chambers;
-        let (exponent, inputs) = (P::same(exponent), out.len());
+        let inputs = out.len();
+        let (exponent, ambient) = (P::same(air.exponent), P::same(air.ambient));
+        let air = Air { exponent, ambient, walls_give: air.walls_give };
         let (before, after) = (&nodes[at.node * inputs..], &nodes[(at.node + 1) * inputs..]);
         let pressures = &node_pressures[at.node * inputs..];
         let last = inputs - 1;
@@ -98,12 +108,9 @@ impl<T: Real> SideBySide<T> for Read<'_, T> {
             let a = P::pack(|i| before[(first + i).min(last)]);
             let b = P::pack(|i| after[(first + i).min(last)]);
             let p = P::pack(|i| pressures[(first + i).min(last)]);
-            let then = P::pack(|i| {
-                let drive = &drives[(first + i).min(last)];
-                drive.volume + drive.volume_rate * at.time
-            });
-            let now = (a + (b - a) * at.on, P::pack(|i| volumes[(first + i).min(last)]));
-            let found = chamber::pressure_from(exponent, (p, a, then), now);
+            let then = packed::<T, P>(air.walls_give, |i| drives[(first + i).min(last)].volume_at(at.time));
+            let now = packed::<T, P>(air.walls_give, |i| volumes[(first + i).min(last)]);
+            let found = air.pressure_from((p, a, then), (a + (b - a) * at.on, now));
             for (i, p) in out[first..].iter_mut().take(P::WIDTH).enumerate() {
                 *p = P::unpack(found, i);
             }

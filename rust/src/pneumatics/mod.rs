@@ -80,7 +80,10 @@ pub struct Pneumatics<T> {
     pub integral_gain: T,
     /// Part of the reference's rate that is fed forward.
     pub feed_forward: T,
-    /// Volume of each input with all its bellows at the middle of their range, m^3: what the controllers reckon with.
+    /// Whether volumes depend on pressure, since walls of bellows give way.
+    pub walls_give: bool,
+    /// Volume of each input with all its bellows at the middle of their range, m^3: what the controllers reckon with, and
+    /// what [`Chambers::reference`] refers to.
     pub control_volume: Vec<T>,
 }
 
@@ -156,12 +159,19 @@ impl Pneumatics<f64> {
             proportional_gain: not_negative("proportional_gain", p.proportional_gain, full)?,
             integral_gain: not_negative("integral_gain", p.integral_gain, full)?,
             feed_forward: not_negative("feed_forward", p.feed_forward, full)?,
+            walls_give: false,
             control_volume: middle_volumes.iter().map(|v| v + dead_volume).collect(),
         })
     }
 }
 
 impl<T: Real> Pneumatics<T> {
+    /// The law of its air.
+    #[inline(always)]
+    pub fn air(&self) -> chamber::Air<T> {
+        chamber::Air { exponent: self.exponent, ambient: self.ambient_pressure, walls_give: self.walls_give }
+    }
+
     /// The same over another scalar, number by number.
     pub fn map<U: Real>(&self, c: impl Fn(T) -> U + Copy) -> Pneumatics<U> {
         Pneumatics { control_volume: self.control_volume.iter().map(|&v| c(v)).collect(), ..self.shared(c) }
@@ -192,6 +202,7 @@ impl<T: Real> Pneumatics<T> {
             proportional_gain: c(self.proportional_gain),
             integral_gain: c(self.integral_gain),
             feed_forward: c(self.feed_forward),
+            walls_give: self.walls_give,
             control_volume: Vec::new(),
         }
     }

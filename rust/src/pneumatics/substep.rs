@@ -1,9 +1,10 @@
 //! Mass, spool and integral of one input over a step of the arm: ROS2 in sub-steps of even length.
 //!
 //! Source: Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Over any scalar; the pressure goes along
-//! from sub-step to sub-step ([`chamber::pressure_from`]), from a fresh one at the start of each step.
+//! from sub-step to sub-step ([`super::chamber::Air::pressure_from`]), from a fresh one at the start of each step.
 
-use super::{Pneumatics, chamber, controller, valve};
+use super::chamber::Volume;
+use super::{Pneumatics, controller, valve};
 use crate::real::Real;
 
 /// State of one input's pneumatics.
@@ -25,9 +26,17 @@ pub struct Drive<T> {
     /// Its rate, Pa/s.
     pub reference_rate: T,
     /// Volume at the start, m^3.
-    pub volume: T,
+    pub volume: Volume<T>,
     /// Its rate, m^3/s.
-    pub volume_rate: T,
+    pub volume_rate: Volume<T>,
+}
+
+impl<T: Real> Drive<T> {
+    /// Its volume `t` seconds after the start.
+    #[inline(always)]
+    pub fn volume_at(&self, t: f64) -> Volume<T> {
+        self.volume.moved(&self.volume_rate, t)
+    }
 }
 
 /// Stiff derivatives of the right-hand side; that of the spool by itself is -1 / T_s.
@@ -81,14 +90,15 @@ pub fn substep<T: Real>(
     let inverse = (mm * ss - ms * sm).recip();
     // No closures: what stays out of line is compiled without the lanes' instruction set.
     let k1 = solved(f1, (mm, ms, sm, ss), inverse);
-    let before = (p, x.content, drive.volume + drive.volume_rate * t);
-    let volume = drive.volume + drive.volume_rate * (t + h);
+    let air = k.air();
+    let before = (p, x.content, drive.volume_at(t));
+    let volume = drive.volume_at(t + h);
     let stage = moved(h, x, k1);
-    let stage_pressure = chamber::pressure_from(k.exponent, before, (stage.content, volume));
+    let stage_pressure = air.pressure_from(before, (stage.content, volume));
     let (f2, _) = rates(k, control_volume, (stage, stage_pressure), drive, t + h);
     let k2 = solved(moved(-2.0, f2, k1), (mm, ms, sm, ss), inverse);
     let next = moved(0.5 * h, moved(1.5 * h, x, k1), k2);
-    (next, chamber::pressure_from(k.exponent, before, (next.content, volume)))
+    (next, air.pressure_from(before, (next.content, volume)))
 }
 
 /// The solution of (mm ms; sm ss) (content, spool) = f, with one over the determinant; the integral as it is.

@@ -1,5 +1,6 @@
 //! Stability, accuracy and conservation of the sub-steps, alone and with the arm.
 
+use super::chamber::Volume;
 use super::lag::lagged;
 use super::substep::{Drive, Input};
 use super::testing::{nominal, parameters};
@@ -18,7 +19,7 @@ use std::sync::Arc;
 
 /// One sub-step of the nominal input from a state alone.
 fn substep(k: &Pneumatics<f64>, x: Input<f64>, drive: &Drive<f64>, t: f64, h: f64) -> Input<f64> {
-    let p = chamber::pressure(k, x.content, drive.volume + drive.volume_rate * t);
+    let p = chamber::pressure(k, x.content, &drive.volume_at(t));
     super::substep::substep(k, k.control_volume[0], (x, p), drive, (t, h)).0
 }
 
@@ -26,18 +27,19 @@ const STAIRS: [f64; 4] = [1.2e5, 2.1e5, 0.75e5, 1.0e5];
 
 /// One input at constant volume through a staircase of references, with periods of 1 ms and the given sub-step.
 fn staircase(k: &Pneumatics<f64>, h: f64, volume: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
-    let mut x = Input { content: chamber::mass(k, 1.2e5, volume(0.0).0), spool: 0.0, integral: 0.0 };
+    let mut x = Input { content: chamber::mass(k, 1.2e5, &Volume::rigid(volume(0.0).0)), spool: 0.0, integral: 0.0 };
     let count = (1e-3 / h).round() as usize;
     let mut out = Vec::new();
     for ms in 0..1200 {
         let reference = STAIRS[ms / 300];
         let t0 = ms as f64 * 1e-3;
         let (volume, volume_rate) = volume(t0);
+        let (volume, volume_rate) = (Volume::rigid(volume), Volume::rigid(volume_rate));
         let drive = Drive { reference, reference_rate: 0.0, volume, volume_rate };
         for j in 0..count {
             x = substep(k, x, &drive, j as f64 * h, h);
         }
-        out.push(chamber::pressure(k, x.content, volume + 1e-3 * volume_rate));
+        out.push(chamber::pressure(k, x.content, &drive.volume_at(1e-3)));
     }
     out
 }
@@ -89,8 +91,13 @@ fn second_order_in_the_substep() {
     k.proportional_gain = 5.0;
     k.integral_gain = 5.0;
     let run = |h: f64| {
-        let mut x = Input { content: chamber::mass(&k, 1.2e5, 5e-4), spool: 0.1, integral: 0.0 };
-        let drive = Drive { reference: 1.6e5, reference_rate: 2e5, volume: 5e-4, volume_rate: 1e-3 };
+        let mut x = Input { content: chamber::mass(&k, 1.2e5, &Volume::rigid(5e-4)), spool: 0.1, integral: 0.0 };
+        let drive = Drive {
+            reference: 1.6e5,
+            reference_rate: 2e5,
+            volume: Volume::rigid(5e-4),
+            volume_rate: Volume::rigid(1e-3),
+        };
         for j in 0..(0.02 / h).round() as usize {
             x = substep(&k, x, &drive, j as f64 * h, h);
         }
@@ -152,7 +159,12 @@ fn lag_is_exact_where_it_meets_its_reference() {
     for (p, rate) in
         [(1.3e5, 4e5), (0.9e5, -4e5), (1.3e5, -4e5), (0.9e5, 4e5), (1.1e5, 2e5), (1.1e5, 0.0), (1.3e5, 0.0)]
     {
-        let drive = Drive { reference: 1.1e5, reference_rate: rate, volume: 1e-3, volume_rate: 0.0 };
+        let drive = Drive {
+            reference: 1.1e5,
+            reference_rate: rate,
+            volume: Volume::rigid(1e-3),
+            volume_rate: Volume::rigid(0.0),
+        };
         // Steps of 2 us by the midpoint rule, each with the time constant of its own start.
         let (mut expected, h, count) = (p, 2e-6, 50_000);
         for i in 0..count {
@@ -194,7 +206,7 @@ proptest! {
     #[test]
     fn air_between_two_chambers_is_conserved(p1 in 0.5e5..4e5_f64, p2 in 0.5e5..4e5_f64) {
         let k = nominal();
-        let (v1, v2, h) = (3e-4, 6e-4, 1e-5);
+        let (v1, v2, h) = (&Volume::rigid(3e-4), &Volume::rigid(6e-4), 1e-5);
         let (mut m1, mut m2) = (chamber::mass(&k, p1, v1), chamber::mass(&k, p2, v2));
         let (total, psi) = (m1 + m2, valve::FlowFunction::new(0.3));
         for _ in 0..20_000 {
@@ -225,12 +237,13 @@ proptest! {
         let after: Vec<f64> = q.iter().map(|q| 0.9 * q).collect();
         let mut out = p.clone();
         chambers.pressures(arm.pneumatics.as_ref().unwrap(), &arm.body, 1e-3, &after, &mut out);
-        let (mut before_volume, mut after_volume) = (p.clone(), p.clone());
-        chamber::volumes(&arm.body, 1e-4, &q, false, &mut before_volume);
-        chamber::volumes(&arm.body, 1e-4, &after, false, &mut after_volume);
+        let none = vec![Volume::rigid(0.0); p.len()];
+        let (mut before_volume, mut after_volume) = (none.clone(), none);
+        chamber::volumes(&arm.body, 1e-4, &q, &mut before_volume);
+        chamber::volumes(&arm.body, 1e-4, &after, &mut after_volume);
         for (j, m) in chambers.masses().enumerate() {
             prop_assert!((m - masses[j]).abs() < 1e-14 * m);
-            let expected = p[j] * (before_volume[j] / after_volume[j]).powf(exponent);
+            let expected = p[j] * (before_volume[j].at_ambient / after_volume[j].at_ambient).powf(exponent);
             prop_assert!((out[j] - expected).abs() < 1e-11 * expected, "{j}: {} {expected}", out[j]);
         }
     }
@@ -239,10 +252,10 @@ proptest! {
     #[test]
     fn mass_taken_up_is_the_integral_of_the_flow(target in 0.7e5..2.2e5_f64) {
         let k = nominal();
-        let mut x = Input { content: chamber::mass(&k, 1.2e5, 5e-4), spool: 0.0, integral: 0.0 };
-        let drive = Drive { reference: target, reference_rate: 0.0, volume: 5e-4, volume_rate: 0.0 };
+        let mut x = Input { content: chamber::mass(&k, 1.2e5, &Volume::rigid(5e-4)), spool: 0.0, integral: 0.0 };
+        let drive = Drive { reference: target, reference_rate: 0.0, volume: Volume::rigid(5e-4), volume_rate: Volume::rigid(0.0) };
         let (start, mut through, h) = (x.content, 0.0, 1e-5);
-        let flow = |x: &Input<f64>| valve::FullFlows::new(&k, chamber::pressure(&k, x.content, 5e-4)).at(&k, x.spool).0;
+        let flow = |x: &Input<f64>| valve::FullFlows::new(&k, chamber::pressure(&k, x.content, &Volume::rigid(5e-4))).at(&k, x.spool).0;
         for _ in 0..5000 {
             let before = flow(&x);
             x = substep(&k, x, &drive, 0.0, h);

@@ -162,14 +162,17 @@ fn around_rest(arm: &Arm, q: &[f64], p: &[f64]) -> DMatrix<f64> {
     if let Some(pneumatics) = &arm.pneumatics
         && pneumatics.level == PneumaticsLevel::Full
     {
-        let (mut volumes, mut areas) = (vec![0.0; arm.body.inputs], vec![0.0; arm.body.inputs]);
-        chamber::volumes(&arm.body, pneumatics.dead_volume, q, false, &mut volumes);
+        let none = vec![chamber::Volume::rigid(0.0); arm.body.inputs];
+        let (mut volumes, mut areas) = (none.clone(), none);
+        chamber::volumes(&arm.body, pneumatics.dead_volume, q, &mut volumes);
         for k in 0..m {
             let unit: Vec<f64> = (0..m).map(|j| f64::from(j == k)).collect();
-            chamber::volumes(&arm.body, pneumatics.dead_volume, &unit, true, &mut areas);
+            chamber::volume_rates(&arm.body, (q, &unit), &mut areas);
             for j in 0..arm.body.inputs {
                 // p V^n stays.
-                let slope = -pneumatics.exponent * p[j] * areas[j] / volumes[j];
+                let (gauge, stiffness) = (p[j] - arm.body.ambient_pressure, pneumatics.exponent * p[j]);
+                let slope =
+                    -stiffness * areas[j].at(gauge) / (volumes[j].at(gauge) + stiffness * volumes[j].by_pressure);
                 for r in 0..m {
                     state[(m + r, k)] += input[(m + r, j)] * slope;
                 }

@@ -3,8 +3,10 @@
 //! Source: bellows practice (effective area, EJMA standards); form of the catalogue, A = A_P (1 + a (p - p_amb) + b (q - q_rest)).
 //! Form: extra actuation force A_P (a (p - p_amb) + b (q - q_rest)) (p - p_amb). Sign: as pressure, pushes the ends apart.
 //! Place in the equations: part of tau, which is then no longer linear in p: `actuation_matrix` is its slope at ambient
-//! pressure. Validity: first order in both.
+//! pressure. The chamber's volume follows ([`crate::pneumatics`]), so that air that is shut in keeps its energy; for that
+//! the body is told of the change. Validity: first order in both.
 
+use crate::body::{AreaChange, Body};
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
 use crate::real::Real;
 use std::ops::Range;
@@ -26,8 +28,20 @@ impl<T: Real> Effect<T> for EffectiveArea<T> {
         Parameter::new("by_length", "1/m", -50.0..=50.0, "relative change of area per length above rest").or(0.0),
     ];
 
+    const CHANGES_ARM: bool = true;
+
     fn new(definition: &Definition, values: &[T]) -> Self {
         Self { by_pressure: values[0], by_length: values[1], bellows: definition.target.bellows.clone() }
+    }
+
+    fn change_arm(&self, body: &mut Body<T>) {
+        let none = AreaChange { by_pressure: T::zero(), by_length: T::zero() };
+        let count = body.sections.iter().map(|s| s.bellows.len()).sum();
+        body.area_changes.resize(count, none);
+        for change in &mut body.area_changes[self.bellows.clone()] {
+            change.by_pressure += self.by_pressure;
+            change.by_length += self.by_length;
+        }
     }
 
     #[inline(always)]

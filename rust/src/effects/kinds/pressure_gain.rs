@@ -30,6 +30,11 @@ impl<T: Real> Effect<T> for PressureGain<T> {
     }
 
     #[inline(always)]
+    fn remembers(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
     fn pressures(&self, _elapsed: T, _from: &[T], _last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += (p[j] - self.ambient) * self.gain;

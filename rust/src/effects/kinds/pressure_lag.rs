@@ -5,6 +5,8 @@
 //! Form: p' = (u - p) / tau, tau = fill where u > p, else vent. Hidden: p; at first the pressure that comes in.
 //! Update: exact along a straight piece of u, its change from filling to venting (or back) included. Several lags are stages in series, in
 //! the order of the file: tube and chamber.
+//! Behind `level = "full"`: a tube between valve and bellows. It is the air that arrives late; what is in the bellows is
+//! compressed at once, so that with valves closed a lag of any length changes nothing ([`crate::effects::pressures`]).
 
 use crate::effects::exponential::phi;
 use crate::effects::{Definition, Effect, Parameter, PlaceKind};

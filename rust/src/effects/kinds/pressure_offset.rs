@@ -28,6 +28,11 @@ impl<T: Real> Effect<T> for PressureOffset<T> {
     }
 
     #[inline(always)]
+    fn remembers(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
     fn pressures(&self, _elapsed: T, _from: &[T], _last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {
             p[j] += self.offset;

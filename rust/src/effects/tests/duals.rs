@@ -3,7 +3,7 @@
 use super::*;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::effects::poses::heads;
-use crate::effects::pressures::PressureChain;
+use crate::effects::pressures::{PressureChain, Sort};
 use crate::effects::sensors::Sensors;
 use crate::effects::{EffectState, KINDS, PlaceKind};
 use crate::plant::drives::Drives;
@@ -41,7 +41,7 @@ fn outputs<T: Real>(arm: &Arm<T>) -> Vec<T> {
     let samples = samples.map(|(t, _)| t);
     let input = Input::new(samples.to_vec(), (rows, 9), (Vec::new(), 0), Interpolation::Linear).unwrap();
     let mut drives = Drives::new(vec![(Arc::new(input), 0.0)]);
-    if let Some(mut chain) = PressureChain::new(&arm.effects, arm.body.inputs, &mut drives, 0.0) {
+    if let Some(mut chain) = PressureChain::new((&arm.effects, Sort::All), arm.body.inputs, &mut drives, 0.0) {
         let mut p = vec![T::zero(); 9];
         chain.begin_step(&arm.effects, &mut drives, 0.0, 0.017);
         chain.acting(&arm.effects, &mut drives, 0.017, &mut p);

@@ -7,6 +7,7 @@ mod hidden;
 mod pressures;
 mod registry;
 mod sensors;
+mod trapped;
 
 use crate::arm::Arm;
 use crate::body::parameters::EffectParameters;

@@ -1,7 +1,7 @@
 //! The chain of pressures and that of sensors.
 
 use super::*;
-use crate::effects::pressures::{PressureChain, at_rest};
+use crate::effects::pressures::{PressureChain, Sort, at_rest};
 use crate::integrate::{Method, Options};
 use crate::plant::drives::Drives;
 use crate::plant::input::{Input, Interpolation};
@@ -18,7 +18,7 @@ fn input(samples: &[(f64, f64)], interpolation: Interpolation) -> Input {
 fn acting(effects: &[EffectParameters], input: &Input, times: &[f64]) -> Vec<f64> {
     let arm = arm(effects);
     let mut drives = Drives::new(vec![(Arc::new(input.clone()), 0.0)]);
-    let mut chain = PressureChain::new(&arm.effects, arm.body.inputs, &mut drives, times[0]).unwrap();
+    let mut chain = PressureChain::new((&arm.effects, Sort::All), arm.body.inputs, &mut drives, times[0]).unwrap();
     let mut out = vec![0.0; 9];
     let mut found = Vec::new();
     for pair in times.windows(2) {

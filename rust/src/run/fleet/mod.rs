@@ -18,7 +18,7 @@ use self::workers::Workers;
 use super::stepping::Plan;
 use super::watch::watched_in;
 use crate::arm::Arm;
-use crate::effects::pressures::PressureChain;
+use crate::effects::pressures::{PressureChain, Sort};
 use crate::effects::upstream::History;
 use crate::error::{Error, Result};
 use crate::memory::reserved;
@@ -79,7 +79,9 @@ impl Fleet {
         let (inputs, coordinates) = (arm.body.inputs, arm.coordinates());
         let threads = if count <= lanes * LEAST_BLOCKS { 1 } else { threads };
         let workers = if threads == 1 { None } else { Some(Workers::new(threads)?) };
-        if PressureChain::new(&arm.effects, arm.body.inputs, &mut History::new(0.0, start.p), 0.0).is_some() {
+        if PressureChain::new((&arm.effects, Sort::All), arm.body.inputs, &mut History::new(0.0, start.p), 0.0)
+            .is_some()
+        {
             return Err(Error::Input(
                 "this arm has effects on pressures, which environments that are reset one by one do not support; take them \
                  away with with_effects"
