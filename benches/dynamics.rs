@@ -22,6 +22,9 @@ fn arm(sections: usize) -> Arm {
         base_offset: 0.0,
         head_offset: 0.0,
         bending_stiffness: [3.0, 0.0],
+        cross_bending_stiffness: None,
+        bending_plane: 0.0,
+        axial: None,
         length_range: [0.1, 0.3],
         bellows: (0..3)
             .map(|k| BellowsParameters {

@@ -7,7 +7,7 @@ use bha_core::dynamics::Workspace;
 use bha_core::dynamics::energy::energy;
 use bha_core::dynamics::recursion::{forward_dynamics_into, inverse_dynamics_into};
 use bha_core::dynamics::terms::{coriolis_matrix_into, generalized_force_into, inertia_matrix_into};
-use bha_core::forces::ForceSet;
+use bha_core::forces::{External, ForceSet};
 use bha_core::real::linear::{Mat3, Vec3};
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -97,14 +97,14 @@ fn check(name: &str, parameters: &ArmParameters, model: ForceModel, case: &Case)
     let actuation = ForceSet { actuation: true, ..ForceSet::NONE };
     generalized_force_into(&arm, actuation, (q, qd), p, None, &mut ws, &mut out);
     assert_close(&out, &case.tau[&model], &format!("{name} tau"));
-    generalized_force_into(&arm, ForceSet::PASSIVE, (q, qd), p, Some(&f_ext), &mut ws, &mut out);
+    generalized_force_into(&arm, ForceSet::PASSIVE, (q, qd), p, Some(External::of_forces(&f_ext)), &mut ws, &mut out);
     out.iter_mut().for_each(|x| *x = -*x);
     assert_close(&out, &case.bias_force[&model], &format!("{name} N"));
 
-    forward_dynamics_into(&arm, q, qd, p, Some(&f_ext), &mut ws, &mut out);
+    forward_dynamics_into(&arm, q, qd, p, Some(External::of_forces(&f_ext)), &mut ws, &mut out);
     assert_close(&out, &case.qdd[&model], &format!("{name} qdd"));
     let qdd = out.clone();
-    inverse_dynamics_into(&arm, q, qd, &qdd, Some(&f_ext), &mut ws, &mut out);
+    inverse_dynamics_into(&arm, q, qd, &qdd, Some(External::of_forces(&f_ext)), &mut ws, &mut out);
     assert_close(&out, &case.tau[&model], &format!("{name} inverse dynamics"));
 
     let reduced = Arm::new(&ArmParameters { rotational_energy: false, coriolis_forces: false, ..parameters.clone() });
@@ -112,7 +112,7 @@ fn check(name: &str, parameters: &ArmParameters, model: ForceModel, case: &Case)
     inertia_matrix_into(&reduced, q, &mut ws, &mut matrix);
     assert_close(&matrix, &case.translational_inertia_matrix.concat(), &format!("{name} M translational"));
     if let Some(expected) = case.qdd_reduced.get(&model) {
-        forward_dynamics_into(&reduced, q, qd, p, Some(&f_ext), &mut ws, &mut out);
+        forward_dynamics_into(&reduced, q, qd, p, Some(External::of_forces(&f_ext)), &mut ws, &mut out);
         assert_close(&out, expected, &format!("{name} reduced qdd"));
     }
 }

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from bha import robots
 from bha._core import __version__
-from bha.arm import Arm
+from bha.arm import Arm, Wrench
 from bha.arm.derivatives import Derivatives
 from bha.errors import (
     BhaError,
@@ -68,6 +68,7 @@ __all__ = [
     "SimulationError",
     "Trajectory",
     "TrajectoryWriter",
+    "Wrench",
     "__version__",
     "check",
     "diagnose",

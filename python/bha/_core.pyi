@@ -1,8 +1,8 @@
 """Types of the compiled core."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
-from typing import Self, TypedDict, final
+from typing import Protocol, Self, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,6 +52,20 @@ __all__ = [
 
 __version__: str
 
+class _Wrench(Protocol):
+    """What :class:`bha.Wrench` is."""
+
+    @property
+    def section(self) -> int: ...
+    @property
+    def force(self) -> ArrayLike: ...
+    @property
+    def moment(self) -> ArrayLike: ...
+    @property
+    def fraction(self) -> float: ...
+    @property
+    def offset(self) -> ArrayLike: ...
+
 class _ParameterInfo(TypedDict):
     name: str
     unit: str
@@ -85,21 +99,42 @@ class Arm:
     def shape(self, q: ArrayLike, points_per_section: int | None = None) -> NDArray[np.float64]: ...
     def configuration(self, q: ArrayLike) -> NDArray[np.float64]: ...
     def dynamics_terms(
-        self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        p: ArrayLike,
+        f_ext: ArrayLike | None = None,
+        wrenches: Iterable[_Wrench] | None = None,
     ) -> DynamicsTerms: ...
     def bias_force_parts(
-        self, q: ArrayLike, qd: ArrayLike, f_ext: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        f_ext: ArrayLike | None = None,
+        wrenches: Iterable[_Wrench] | None = None,
     ) -> dict[str, NDArray[np.float64]]: ...
     def inertia_matrix(self, q: ArrayLike) -> NDArray[np.float64]: ...
     def coriolis_matrix(self, q: ArrayLike, qd: ArrayLike) -> NDArray[np.float64]: ...
-    def bias_force(self, q: ArrayLike, qd: ArrayLike, f_ext: ArrayLike | None = None) -> NDArray[np.float64]: ...
+    def bias_force(
+        self, q: ArrayLike, qd: ArrayLike, f_ext: ArrayLike | None = None, wrenches: Iterable[_Wrench] | None = None
+    ) -> NDArray[np.float64]: ...
     def actuation_force(self, q: ArrayLike, p: ArrayLike) -> NDArray[np.float64]: ...
     def actuation_matrix(self, q: ArrayLike) -> NDArray[np.float64]: ...
     def forward_dynamics(
-        self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        p: ArrayLike,
+        f_ext: ArrayLike | None = None,
+        wrenches: Iterable[_Wrench] | None = None,
     ) -> NDArray[np.float64]: ...
     def inverse_dynamics(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, f_ext: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        f_ext: ArrayLike | None = None,
+        wrenches: Iterable[_Wrench] | None = None,
     ) -> NDArray[np.float64]: ...
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Energy: ...
     def static_lengths(
@@ -107,6 +142,7 @@ class Arm:
         p: ArrayLike,
         f_ext: ArrayLike | None = None,
         *,
+        wrenches: Iterable[_Wrench] | None = None,
         coupled: bool = True,
         start: ArrayLike | None = None,
     ) -> NDArray[np.float64]: ...
@@ -135,6 +171,8 @@ class Energy:
     @property
     def spring(self) -> float: ...
     @property
+    def axial(self) -> float: ...
+    @property
     def kinetic(self) -> float: ...
     @property
     def potential(self) -> float: ...
@@ -148,6 +186,7 @@ class Input:
         time: ArrayLike,
         pressures: ArrayLike,
         forces: ArrayLike | None = None,
+        wrenches: Iterable[_Wrench] | None = None,
         *,
         interpolation: str = "linear",
         name: str = "",
@@ -229,7 +268,14 @@ class Differentiator:
         differences: Sequence[tuple[Sequence[Arm], Sequence[float]]] = ...,
         instruction_set: str | None = None,
     ) -> Self: ...
-    def __call__(self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None) -> Differentiated: ...
+    def __call__(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        p: ArrayLike,
+        f_ext: ArrayLike | None = None,
+        wrenches: Iterable[_Wrench] | None = None,
+    ) -> Differentiated: ...
 
 def sensitivities(
     arm: Arm,

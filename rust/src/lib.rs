@@ -27,8 +27,8 @@
 //! |---|---|---|
 //! | `python` | the classes and functions of `bha._core` | every room |
 //! | [`virtual_arm`] | no part of the model: what the paper's experiments take for the real arm | plant, arm, body, error |
-//! | [`run`] | runs of a plant: simulation, batch, sensitivities, stepper, fleet, closed loop | plant, control, dynamics, arm, pneumatics, effects, kinematics, body, integrate, memory, real, error |
-//! | [`plant`] | the differential equation under its inputs | dynamics, arm, pneumatics, effects, kinematics, body, integrate, real, error |
+//! | [`run`] | runs of a plant: simulation, batch, sensitivities, stepper, fleet, closed loop | plant, control, dynamics, arm, pneumatics, effects, forces, kinematics, body, integrate, memory, real, error |
+//! | [`plant`] | the differential equation under its inputs | dynamics, arm, pneumatics, effects, forces, kinematics, body, integrate, real, error |
 //! | [`control`] | the model the other way round: from a wanted motion to pressures | dynamics, arm, forces, kinematics, real, error |
 //! | [`dynamics`] | equations of motion, the one sum of forces, energy, statics, derivatives | arm, effects, forces, kinematics, body, real, error |
 //! | [`arm`] | the arm: a body with its pneumatics and effects | pneumatics, effects, body, real, error |

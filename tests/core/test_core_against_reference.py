@@ -72,7 +72,7 @@ def test_reductions(cases: list[Case]) -> None:
 def test_bias_force_parts_add_up(cases: list[Case]) -> None:
     for case in cases[::10]:
         parts = case.core.bias_force_parts(case.q, case.qd, case.f_ext)
-        assert list(parts) == ["spring", "damping", "bending", "gravity", "external", "effects"]
+        assert list(parts) == ["spring", "damping", "axial", "bending", "gravity", "external", "effects"]
         assert (
             distance(sum(parts.values(), np.zeros(len(case.q))), case.core.bias_force(case.q, case.qd, case.f_ext))
             < 1e-12

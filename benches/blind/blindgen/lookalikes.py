@@ -15,6 +15,8 @@ CLASSES: tuple[frozenset[str], ...] = (
     frozenset({"effective_area", "pressure_gain"}),
     frozenset({"effective_area", "bending_nonlinear"}),
     frozenset({"bending_nonlinear", "section_coupling"}),
+    frozenset({"bending_nonlinear", "bending_anisotropy"}),
+    frozenset({"weak_bellows", "bending_anisotropy"}),
     frozenset({"base_tilt", "tool_drag"}),
 )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.arm.derivatives import Derivatives, differentiator
+from bha.arm.wrench import Wrench
 from bha.arrays import floats
 from bha.errors import InputError
 from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel, paths
@@ -169,6 +170,7 @@ class Arm(_core.Arm):
         qd: ArrayLike,
         p: ArrayLike,
         f_ext: ArrayLike | None = None,
+        wrenches: Iterable[Wrench] | None = None,
         *,
         parameters: Sequence[str] = (),
     ) -> Derivatives:
@@ -183,7 +185,7 @@ class Arm(_core.Arm):
         names = tuple(parameters)
         if names not in self._differentiators:
             self._differentiators[names] = differentiator(self, self._parameters, names, self.with_parameters)
-        return self._differentiators[names](q, qd, p, f_ext)
+        return self._differentiators[names](q, qd, p, f_ext, wrenches)
 
     def linearize(
         self, q: ArrayLike, qd: ArrayLike, p: ArrayLike, *, period: float | None = None

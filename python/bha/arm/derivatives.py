@@ -6,13 +6,14 @@ named parameter (``bha.parameters.paths``: mostly a product) is differenced, to 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arm.wrench import Wrench
 from bha.errors import ParameterError
 from bha.parameters import ArmParameters, paths
 
@@ -82,7 +83,9 @@ def differentiator(
     names: Sequence[str],
     made_of: Callable[[ArmParameters], _core.Arm],
 ) -> Callable[..., Derivatives]:
-    """The function (q, qd, p, f_ext=None) that gives an arm's :class:`Derivatives`; make it once, call it often.
+    """The function (q, qd, p, f_ext=None, wrenches=None) that gives an arm's :class:`Derivatives`.
+
+    Make it once, call it often.
 
     Args:
         arm: the arm.
@@ -94,11 +97,20 @@ def differentiator(
         ParameterError: there is no such parameter.
     """
     paths_of = tuple(names)
+    stated = paths.stated(parameters, paths_of)
+    if stated is not parameters:
+        arm, parameters = made_of(stated), stated
     core = _core.Differentiator(arm, [difference_arms(parameters, path, made_of) for path in paths_of])
     n, m = 3 * len(parameters.sections), len(parameters.inputs)
 
-    def derivatives(q: ArrayLike, qd: ArrayLike, p: ArrayLike, f_ext: ArrayLike | None = None) -> Derivatives:
-        found = core(q, qd, p, f_ext)
+    def derivatives(
+        q: ArrayLike,
+        qd: ArrayLike,
+        p: ArrayLike,
+        f_ext: ArrayLike | None = None,
+        wrenches: Iterable[Wrench] | None = None,
+    ) -> Derivatives:
+        found = core(q, qd, p, f_ext, wrenches)
         columns = found.rows.T
         return Derivatives(
             acceleration=found.acceleration,

@@ -19,6 +19,8 @@ from bha.parameters import EFFECT_KINDS
 TAU_GRID = (0.1, 0.35, 1.2, 4.0, 15.0)
 #: Directions of walls, rad.
 DIRECTIONS = tuple(k * math.pi / 4.0 for k in range(8))
+#: Planes of bending, rad.
+PLANES = tuple(k * math.pi / 4.0 for k in range(4))
 PAYLOAD_PROBE, PAYLOAD_OFFSET = 0.01, 0.05
 HOSE_PROBE, HOSE_REACH = 0.5, 0.3
 #: A time constant that is none, s.
@@ -137,6 +139,14 @@ PLANS: tuple[KindPlan, ...] = (
     KindPlan("quadratic_damping", BELLOWS, (Strength("damping", 60.0),), parts="bellows", passive=("damping",)),
     KindPlan("bending_damping", SECTION, (Strength("damping", 0.1),), parts="section", passive=("damping",)),
     KindPlan("bending_nonlinear", SECTION, (Strength("cubic_stiffness", 3.0, signed=True),), parts="section"),
+    KindPlan(
+        "bending_anisotropy",
+        SECTION,
+        (Strength("stiffness", 1.0),),
+        (Shape("angle", PLANES, logarithmic=False, spread=0.4),),
+        parts="section",
+        passive=("stiffness",),
+    ),
     KindPlan(
         "section_coupling",
         SECTION,

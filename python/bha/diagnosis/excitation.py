@@ -27,6 +27,7 @@ EXPERIMENTS: dict[str, str] = {
     "quadratic_damping": "releases from several amplitudes: the decrement grows with the amplitude",
     "bending_damping": "compare the decay of a lateral swing with that of a bounce along the arm",
     "bending_nonlinear": "quasi-static bends at several mean lengths, up to the largest bend",
+    "bending_anisotropy": "bends of one size all around at one mean length: the pressures they need differ by plane",
     "section_coupling": "move one section with the others at constant pressure",
     "effective_area": "pressurise all three bellows of a section against a fixed length",
     "weak_bellows": "the same pressure pattern with the tubes of two bellows swapped: the error stays with the bellows",

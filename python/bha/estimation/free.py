@@ -24,7 +24,9 @@ from bha.parameters import ArmParameters, SensorsParameters, paths
 # Keys whose numbers are positive and are estimated on a logarithmic scale.
 _POSITIVE = frozenset(
     {"mass", "bellows_radius", "bellows_outer_radius", "radius", "terminal_area", "rest_length", "damping", "inertia"}
+    | {"axial_rest_length", "axial_damping"}
 )
+_STIFFNESSES = frozenset({"stiffness", "bending_stiffness", "cross_bending_stiffness", "axial_stiffness"})
 # Physical range of a key: what lies outside is not a pneumatic bellows arm of 0.05 to 5 m.
 _RANGES: dict[str, tuple[float, float]] = {
     "mass": (1e-3, 50.0),
@@ -35,6 +37,9 @@ _RANGES: dict[str, tuple[float, float]] = {
     "terminal_area": (1e-6, 0.1),
     "rest_length": (5e-3, 2.0),
     "damping": (0.0, 1e4),
+    "axial_rest_length": (5e-3, 2.0),
+    "axial_damping": (0.0, 1e4),
+    "bending_plane": (-2.0 * math.pi, 2.0 * math.pi),
     "ambient_pressure": (6e4, 1.1e5),
     "base_offset": (0.0, 0.5),
     "head_offset": (0.0, 0.5),
@@ -154,7 +159,7 @@ def _resolve(parameters: ArmParameters, free: FreeParameter) -> Coordinate:
     start = (1.0 if group else paths.get_value(parameters, free.path)) if free.start is None else free.start
     low, high = (1e-3, 1e3) if group else physical_range(free.path)
     lower, upper = low if free.lower is None else free.lower, high if free.upper is None else free.upper
-    positive = group or key in _POSITIVE or (key in ("stiffness", "bending_stiffness") and free.path.endswith(".1"))
+    positive = group or key in _POSITIVE or (key in _STIFFNESSES and free.path.endswith(".1"))
     logarithmic = (positive and start > 0) if free.logarithmic is None else free.logarithmic
     if logarithmic:
         lower = max(lower, start * 1e-6)
@@ -188,9 +193,9 @@ def _resolve(parameters: ArmParameters, free: FreeParameter) -> Coordinate:
 def physical_range(path: str) -> tuple[float, float]:
     """The range outside which the number at a path is not that of a pneumatic bellows arm."""
     key = paths.key_of(path)
-    if key == "stiffness":
+    if key in ("stiffness", "axial_stiffness"):
         return (0.0, 1e6) if path.endswith(".1") else (-math.inf, math.inf)
-    if key == "bending_stiffness":
+    if key in ("bending_stiffness", "cross_bending_stiffness"):
         return (0.0, 1e4) if path.endswith(".1") else (-math.inf, math.inf)
     return _RANGES.get(key, (-math.inf, math.inf))
 
@@ -206,15 +211,17 @@ def typical_scale(  # noqa: PLR0911  (a table of cases)
         return 0.02
     if key == "gravity":
         return 0.5
-    if key in ("base_offset", "head_offset", "rest_length"):
+    if key in ("base_offset", "head_offset", "rest_length", "axial_rest_length"):
         return 0.02
+    if key == "bending_plane":
+        return 0.2
     if key == "ambient_pressure":
         return 2e3
     if key == "radius":
         return 0.1 * parameters.sections[int(steps[1]) - 1].bellows_radius
-    if key in ("stiffness", "bending_stiffness") and steps[0] == "section" and steps[-1].isdigit():
+    if key in _STIFFNESSES and steps[0] == "section" and steps[-1].isdigit():
         section = parameters.sections[int(steps[1]) - 1]
-        if key == "stiffness":
+        if key in ("stiffness", "axial_stiffness"):
             travel = 0.5 * (section.length_range[1] - section.length_range[0])
             first = abs(section.stiffness[0]) or section.terminal_area * 1e4 / travel
             return float(first / travel ** (int(steps[-1]) - 1))

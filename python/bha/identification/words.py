@@ -13,10 +13,10 @@ def spoken(path: str) -> str:
     key = paths.key_of(path) if not paths.is_group(path) else next(s for s in reversed(steps) if s != "*")
     words = key.replace("_", " ")
     last = steps[-1]
-    if key == "stiffness" and last.isdigit():
-        words = f"{_POWERS.get(last, f'power {last}')} stiffness"
-    elif key == "bending_stiffness" and last.isdigit():
-        words = "bending stiffness" if last == "1" else "cubic bending stiffness"
+    if key in ("stiffness", "axial_stiffness") and last.isdigit():
+        words = f"{_POWERS.get(last, f'power {last}')} {words}"
+    elif key in ("bending_stiffness", "cross_bending_stiffness") and last.isdigit():
+        words = words if last == "1" else f"cubic {words}"
     elif last in paths.AXES:
         words += f" along {last}"
     if steps[0] == "section":

@@ -292,6 +292,8 @@ class ArmParameters(Table):
                 "base_offset": section.base_offset,
                 "head_offset": section.head_offset,
                 "bending_stiffness": (*section.bending_stiffness, 0.0)[:2],
+                **_planes(section),
+                **_axial(section),
                 "length_range": section.length_range,
                 "bellows": [{**vars(b), "input": index[b.input]} for b in section.resolved_bellows(number)],
                 **{name: [entry.to_core() for entry in along] for name, along in section.along.items() if along},
@@ -341,6 +343,29 @@ class ArmParameters(Table):
                 provenance = effect.provenance.get(name, ASSUMED)
                 unit = units.get(name, "")
                 yield StatedValue(where.section, where.bellows, name, value, unit, provenance, effect=number)
+
+
+def _planes(section: SectionParameters) -> dict[str, Any]:
+    """The keys of a bending stiffness that differs from plane to plane; none where it does not."""
+    if section.cross_bending_stiffness is None:
+        return {}
+    return {
+        "cross_bending_stiffness": (*section.cross_bending_stiffness, 0.0)[:2],
+        "bending_plane": section.bending_plane_rad,
+    }
+
+
+def _axial(section: SectionParameters) -> dict[str, Any]:
+    """The table of what holds a section's mean length beside its bellows; none where nothing does."""
+    if section.axial_stiffness is None and section.axial_damping == 0.0:
+        return {}
+    return {
+        "axial": {
+            "stiffness": section.axial_stiffness or (0.0,),
+            "rest_length": section.resolved_axial_rest_length,
+            "damping": section.axial_damping,
+        }
+    }
 
 
 def section_mapping(section: SectionParameters) -> dict[str, Any]:

@@ -10,7 +10,9 @@ path                                           number
 ``ambient_pressure``                           Pa
 ``section.2.mass``                             a value of section 2
 ``section.1.stiffness.2``                      coefficient of the second power, N/m^2
-``section.1.bending_stiffness.1``              k1 (``.2``: k3), N m
+``section.1.bending_stiffness.1``              k1 (``.2``: k3), N m; likewise ``cross_bending_stiffness``
+``section.1.bending_plane``                    rad
+``section.1.axial_stiffness.1``                N/m; with ``axial_rest_length`` (m), ``axial_damping`` (N s/m)
 ``section.1.center_of_mass.z``                 an entry of a vector
 ``section.1.bellows.3.rest_length``            a value of one bellows only
 ``section.1.masses.2.mass``                    of a mass along a section; ``share``
@@ -32,7 +34,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import ValidationError
@@ -47,11 +49,11 @@ from bha.parameters.sensors import SensorsParameters
 
 AXES = ("x", "y", "z")
 #: Most coefficients of a stiffness polynomial, and of the bending moment.
-_TERMS = {"stiffness": 8, "bending_stiffness": 2}
+_TERMS = {"stiffness": 8, "bending_stiffness": 2, "cross_bending_stiffness": 2, "axial_stiffness": 8}
 _ARM_VECTORS = ("gravity",)
 _ARM_NUMBERS = ("ambient_pressure",)
 _SECTION_VECTORS = ("center_of_mass", "inertia")
-_SECTION_LISTS = ("stiffness", "bending_stiffness")
+_SECTION_LISTS = ("stiffness", "bending_stiffness", "cross_bending_stiffness", "axial_stiffness")
 _SECTION_NUMBERS = (
     "mass",
     "bellows_radius",
@@ -61,7 +63,18 @@ _SECTION_NUMBERS = (
     "damping",
     "base_offset",
     "head_offset",
+    "bending_plane",
+    "axial_rest_length",
+    "axial_damping",
 )
+#: Numbers that follow others where the file does not state them: they are there once it states the key beside.
+_FOLLOWING = {
+    "cross_bending_stiffness": "cross_bending_stiffness",
+    "bending_plane": "cross_bending_stiffness",
+    "axial_stiffness": "axial_stiffness",
+    "axial_rest_length": "axial_stiffness",
+    "axial_damping": "axial_stiffness",
+}
 _BELLOWS_NUMBERS = ("radius", "terminal_area", "rest_length", "damping")
 _BASE_VECTORS = ("position", "rotation")
 _MASS_NUMBERS = ("mass", "share")
@@ -86,6 +99,10 @@ _UNITS = {
     "rest_length": "m",
     "damping": "N s/m",
     "bending_stiffness": "N m",
+    "cross_bending_stiffness": "N m",
+    "bending_plane": "rad",
+    "axial_rest_length": "m",
+    "axial_damping": "N s/m",
     "base_offset": "m",
     "head_offset": "m",
 }
@@ -110,7 +127,7 @@ def unit_of(path: str) -> str:
     key = key_of(path)
     if key in _LENGTH_SENSOR_NUMBERS and path.startswith("effect."):
         return ""
-    if key == "stiffness":
+    if key in ("stiffness", "axial_stiffness"):
         power = int(path.rsplit(".", 1)[1])
         return "N/m" if power == 1 else f"N/m^{power}"
     return _UNITS.get(key, "")
@@ -127,9 +144,10 @@ def available(parameters: ArmParameters) -> tuple[str, ...]:
     paths += _ARM_NUMBERS
     for number, section in enumerate(parameters.sections, start=1):
         place = f"section.{number}"
-        paths += [f"{place}.{name}" for name in _SECTION_NUMBERS if getattr(section, name) is not None]
+        paths += [f"{place}.{name}" for name in _SECTION_NUMBERS if _stated(section, name)]
         paths += [f"{place}.{name}.{axis}" for name in _SECTION_VECTORS for axis in AXES]
-        paths += [f"{place}.{name}.{k + 1}" for name in _SECTION_LISTS for k in range(len(getattr(section, name)))]
+        lists = [name for name in _SECTION_LISTS if _stated(section, name)]
+        paths += [f"{place}.{name}.{k + 1}" for name in lists for k in range(len(getattr(section, name)))]
         for count, bellows in enumerate(section.resolved_bellows(number), start=1):
             paths += [f"{place}.bellows.{count}.{name}" for name in _BELLOWS_NUMBERS]
             paths += [f"{place}.bellows.{count}.stiffness.{k + 1}" for k in range(len(bellows.stiffness))]
@@ -213,8 +231,7 @@ def get_value(  # noqa: PLR0911, PLR0912  (a table of cases)
                 return _entry(parameters, path, name, getattr(bellows[index], name), rest)
         case ["section", number, name, *rest] if name in (*_SECTION_NUMBERS, *_SECTION_VECTORS, *_SECTION_LISTS):
             section, _ = _section(parameters, number, path)
-            value = section.resolved_inertia() if name == "inertia" else getattr(section, name)
-            return _entry(parameters, path, name, value, rest)
+            return _entry(parameters, path, name, _resolved(section, name), rest)
     raise _unknown(parameters, path)
 
 
@@ -236,6 +253,24 @@ def with_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmPa
         get_value(parameters, path)
         _set(parameters, mapping, path.split("."), float(value))
     return parameters.updated(mapping)
+
+
+def stated(parameters: ArmParameters, names: Iterable[str]) -> ArmParameters:
+    """The same arm with those of the numbers stated that a section has only once it states them.
+
+    These are a second bending plane and what holds the mean length. Arms that differ in them have one structure then.
+
+    Raises:
+        ParameterError: there is no such number, or one without the key that it belongs to.
+    """
+    missing = {}
+    for path in names:
+        value, steps = get_value(parameters, path), path.split(".")
+        if steps[0] == "section" and steps[2] in _FOLLOWING:
+            section, _ = _section(parameters, steps[1], path)
+            if not _stated(section, steps[2]):
+                missing[path] = value
+    return with_values(parameters, missing)
 
 
 def restated(parameters: ArmParameters, values: Mapping[str, float]) -> ArmParameters:
@@ -312,8 +347,9 @@ def _set(parameters: ArmParameters, mapping: dict[str, Any], steps: list[str], v
             table.setdefault("bellows", [{"angle_deg": angle} for angle in STANDARD_ANGLES_DEG])
             inherited = vars(section.resolved_bellows(index)[int(steps[3]) - 1])
         else:
-            inherited = {name: getattr(section, name) for name in (*_SECTION_LISTS, "center_of_mass")}
-            inherited["inertia"] = section.resolved_inertia()
+            inherited = {name: _resolved(section, name) for name in (*_SECTION_LISTS, "center_of_mass", "inertia")}
+            if steps[2] == "bending_plane":
+                _state_in_radians(table, "bending_plane")
     elif steps[0] == "base":
         _state_in_radians(mapping.setdefault("base", {}), "rotation")
         inherited = dict.fromkeys(_BASE_VECTORS, (0.0, 0.0, 0.0))
@@ -349,6 +385,30 @@ def _state_in_radians(table: dict[str, Any], name: str) -> None:
 
 def _radians(value: Any) -> Any:
     return [_radians(entry) for entry in value] if isinstance(value, list | tuple) else math.radians(value)
+
+
+def _stated(section: SectionParameters, name: str) -> bool:
+    """Whether the model has a number of a section of its own, and not one that follows from others."""
+    if name in _FOLLOWING:
+        return getattr(section, _FOLLOWING[name]) is not None or bool(name == "axial_damping" and section.axial_damping)
+    return getattr(section, name) is not None
+
+
+def _resolved(section: SectionParameters, name: str) -> Any:
+    """A section's value, that which it follows from where it is not stated."""
+    match name:
+        case "inertia":
+            return section.resolved_inertia()
+        case "cross_bending_stiffness":
+            return section.resolved_cross_bending_stiffness
+        case "bending_plane":
+            return section.bending_plane_rad
+        case "axial_stiffness":
+            return section.axial_stiffness or ()
+        case "axial_rest_length":
+            return section.resolved_axial_rest_length
+        case _:
+            return getattr(section, name)
 
 
 def _section(parameters: ArmParameters, number: str, path: str) -> tuple[Any, int]:

@@ -71,6 +71,31 @@ class SectionParameters(Table):
     bending_stiffness: tuple[Number, ...] = key(
         "[k1] or [k1, k3]: bending moment = k1 psi + k3 psi^3 (N m, N m)", unit="N m", min_length=1, max_length=2
     )
+    cross_bending_stiffness: tuple[Number, ...] | None = key(
+        "[k1] or [k1, k3] (N m, N m) of bending at right angles to bending_plane; as bending_stiffness if left out",
+        unit="N m",
+        default=None,
+        min_length=1,
+        max_length=2,
+    )
+    bending_plane: Number | None = key(
+        "a number (rad): phi of the plane that bending_stiffness holds in; 0 if left out",
+        unit="rad",
+        default=None,
+    )
+    bending_plane_deg: Number | None = key(
+        "a number (degrees): phi of the plane that bending_stiffness holds in; 0 if left out", unit="deg", default=None
+    )
+    axial_stiffness: Polynomial | None = key(
+        "1 to 8 numbers [c1, c2, ...]: axial force = c1 e + c2 e^2 + ..., e = mean length - axial_rest_length "
+        "(N/m, N/m^2, ...); none if left out",
+        unit="N/m^k",
+        default=None,
+    )
+    axial_rest_length: Positive | None = key(
+        "a number > 0 (m): mean length without axial force; rest_length if left out", unit="m", default=None
+    )
+    axial_damping: NotNegative = key("a number >= 0 (N s/m): damping of the mean length", unit="N s/m", default=0.0)
     length_range: PositiveRange = key("[shortest, longest], 0 < shortest < longest (m)", unit="m")
     pressure_range: NotNegativeRange = key("[lowest, highest], absolute, 0 <= lowest < highest (Pa)", unit="Pa")
     base_offset: NotNegative = key("a number >= 0 (m): rigid piece before the bellows", unit="m", default=0.0)
@@ -97,17 +122,35 @@ class SectionParameters(Table):
             raise table_error(message, "inertia")
         if self.arcs:
             check_arcs(self.arcs)
+        self._check_planes()
         self._check_layout()
         return self
 
+    def _check_planes(self) -> None:
+        """A plane is stated once, and beside a second stiffness, without which all planes are alike."""
+        angles = [name for name in ("bending_plane", "bending_plane_deg") if getattr(self, name) is not None]
+        if len(angles) == 2:
+            raise table_error("found both of bending_plane and bending_plane_deg; allowed: at most one", angles[0])
+        if angles and self.cross_bending_stiffness is None:
+            message = (
+                "says nothing without cross_bending_stiffness, for all planes are alike then; state both or neither"
+            )
+            raise table_error(message, angles[0])
+
     def _check_layout(self) -> None:
-        """Every motion of the section must be held by some bellows or by its bending stiffness.
+        """Every motion of the section must be held by some bellows, by its bending or by its axial stiffness.
 
         Only the layout is judged: springs of zero stiffness are a decision, bellows in one line an oversight.
         """
         stated = self.bellows or _STANDARD_BELLOWS
         places = tuple((_inherit(b.radius, self.bellows_radius) / self.bellows_radius, b.angle_rad) for b in stated)
-        if not _all_motions_held(places, any(k != 0.0 for k in self.bending_stiffness)):
+        planes = (self.bending_stiffness, self.resolved_cross_bending_stiffness)
+        held = tuple(
+            self.bending_plane_rad + turn
+            for turn, stiffness in zip((0.0, math.pi / 2), planes, strict=True)
+            if any(k != 0.0 for k in stiffness)
+        )
+        if not _all_motions_held(places, held, self.axial_stiffness is not None):
             raise table_error(
                 f"the {len(places)} bellows leave the section free to bend in some direction: they sit in one line or "
                 "one place and bending_stiffness is zero; allowed: bellows not all in one line, or a bending stiffness",
@@ -123,6 +166,21 @@ class SectionParameters(Table):
     def total_mass(self) -> float:
         """All mass of the section, that along it included, kg."""
         return self.mass + sum(mass.mass for mass in self.masses)
+
+    @property
+    def resolved_cross_bending_stiffness(self) -> tuple[float, ...]:
+        """k1 and, where stated, k3 at right angles to the bending plane, N m."""
+        return self.bending_stiffness if self.cross_bending_stiffness is None else self.cross_bending_stiffness
+
+    @property
+    def bending_plane_rad(self) -> float:
+        """phi of the plane that ``bending_stiffness`` holds in, rad."""
+        return math.radians(self.bending_plane_deg or 0.0) if self.bending_plane is None else self.bending_plane
+
+    @property
+    def resolved_axial_rest_length(self) -> float:
+        """Mean length without axial force, m."""
+        return _inherit(self.axial_rest_length, self.rest_length)
 
     def resolved_inertia(self) -> tuple[float, float, float]:
         """Moments of inertia (Jx, Jy, Jz) in the head frame, kg m^2; those of (56) where the file leaves them out."""
@@ -196,12 +254,16 @@ def are_standard_bellows(places: Sequence[tuple[float, float]], bellows_radius: 
 
 
 @lru_cache(maxsize=256)
-def _all_motions_held(places: tuple[tuple[float, float], ...], bending: bool) -> bool:
-    """Whether bellows at these radii (as shares) and angles, rad, hold a section against bending and lengthening."""
+def _all_motions_held(places: tuple[tuple[float, float], ...], planes: tuple[float, ...], axial: bool) -> bool:
+    """Whether bellows at these radii (as shares) and angles, rad, hold a section against bending and lengthening.
+
+    With them a bending stiffness in planes at these angles, rad, and an axial stiffness or none.
+    """
     # How the lengths of the bellows follow from the three degrees of freedom of the section.
     rows = [(radius * math.cos(angle), radius * math.sin(angle), 1.0) for radius, angle in places]
-    if bending:
-        rows += [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    rows += [(math.cos(angle), math.sin(angle), 0.0) for angle in planes]
+    if axial:
+        rows.append((0.0, 0.0, 1.0))
     return bool(np.linalg.matrix_rank(np.array(rows), tol=1e-9) == 3)
 
 

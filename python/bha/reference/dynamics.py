@@ -98,7 +98,8 @@ def inertia_matrix_from(terms: list[MassTerms]) -> Array:
 def _zeros(terms: list[MassTerms]) -> Array:
     """A matrix (3n, 3n) of zeros, of the terms' sort of number."""
     size = max(len(body.dr) for body in terms)
-    return np.zeros((size, size), dtype=terms[0].dr.dtype)
+    rates = terms[0].dr if terms[0].dr_dot is None else terms[0].dr_dot
+    return np.zeros((size, size), dtype=np.result_type(terms[0].dr, rates))
 
 
 def coriolis_matrix_from(terms: list[MassTerms]) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
+from bha.arm.wrench import Wrench
 from bha.arrays import floats
 from bha.errors import InputError
 
@@ -22,10 +23,11 @@ class Input:
     Attributes:
         time: sample times, s, shape (m,), ascending; two equal times are a jump.
         pressures: Pa absolute, shape (m, inputs), in the order of ``arm.inputs``.
-        forces: force at each section's centre of mass in the world, N, shape (m, n, 3), or None.
+        forces: force at each section's centre of mass (or ``force_point``) in the world, N, shape (m, n, 3), or None.
         commanded: whether the pressures are commands, which act through the arm's pneumatics; else they are those in
             the bellows and act as they are.
         interpolation: what holds between two samples, the straight line (``"linear"``) or the earlier one (``"hold"``).
+        wrenches: forces and moments anywhere, constant or with a row a sample.
     """
 
     time: NDArray[np.float64]
@@ -33,6 +35,7 @@ class Input:
     forces: NDArray[np.float64] | None = None
     commanded: bool = True
     interpolation: Interpolation = "linear"
+    wrenches: tuple[Wrench, ...] = ()
 
     def __post_init__(self) -> None:
         """Look at what holds between two samples; the core looks at the numbers."""
@@ -58,6 +61,7 @@ class Input:
             self.time,
             self.pressures,
             self.force_rows,
+            self.wrenches,
             interpolation=interpolation or self.interpolation,
             name=name,
         )

@@ -76,6 +76,8 @@ def sensitivities(
     options = options or Options()
     source = as_input(arm, drive)
     size, names = 6 * arm.section_count, tuple(parameters)
+    stated = paths.stated(arm.parameters, names)
+    arm = arm if stated is arm.parameters else arm.with_parameters(stated)
     time = floats(times, "times", (None,))
     by_parameters = np.zeros((size, len(names)))
     if x0_by_parameters is not None:

@@ -37,6 +37,8 @@ pub fn same_structure(a: &Arm, b: &Arm) -> bool {
         s.products_of_inertia.is_some() == t.products_of_inertia.is_some()
             && s.taper.is_some() == t.taper.is_some()
             && (s.arcs.len(), s.masses.len()) == (t.arcs.len(), t.masses.len())
+            && s.bending_planes.is_some() == t.bending_planes.is_some()
+            && s.axial.as_ref().map(|a| a.stiffness_terms) == t.axial.as_ref().map(|a| a.stiffness_terms)
             && s.bellows.len() == t.bellows.len()
             && s.bellows
                 .iter()

@@ -2,8 +2,8 @@
 
 use crate::arm::Arm;
 use crate::body::parameters::{
-    ArmParameters, BaseParameters, BellowsParameters, ForceModel, PointMassParameters, SectionArcParameters,
-    SectionParameters,
+    ArmParameters, AxialParameters, BaseParameters, BellowsParameters, ForceModel, PointMassParameters,
+    SectionArcParameters, SectionParameters,
 };
 use proptest::prelude::*;
 
@@ -88,6 +88,9 @@ fn section(index: usize, x: &[f64], force_model: ForceModel) -> SectionParameter
         base_offset: 0.03 * x[14],
         head_offset: 0.03 * x[15],
         bending_stiffness: [1.0 + 3.0 * x[16], 0.3 * x[17]],
+        cross_bending_stiffness: None,
+        bending_plane: 0.0,
+        axial: None,
         length_range: [0.1, 0.3],
         bellows,
         arcs: arcs(&x[18..], force_model),
@@ -119,6 +122,18 @@ fn parameters(
     }
 }
 
+/// Bending planes and axial stiffness, each in about half of the sections.
+fn hold(section: &mut SectionParameters, x: &[f64]) {
+    if x[16] > 0.5 {
+        section.cross_bending_stiffness = Some([1.0 + 3.0 * x[0], 0.3 * x[1]]);
+        section.bending_plane = 6.0 * x[2] - 3.0;
+    }
+    if x[17] > 0.5 {
+        let stiffness = vec![300.0 + 2000.0 * x[3], 500.0 * x[4], 8000.0 * x[5]];
+        section.axial = Some(AxialParameters { rest_length: 0.1 + 0.1 * x[6], stiffness, damping: 10.0 * x[7] });
+    }
+}
+
 /// Strategy for the parameters of arms of 1 to 5 sections, some of several arcs and with masses along them, anywhere.
 pub fn arm_parameters() -> impl Strategy<Value = ArmParameters> {
     let sections = prop::collection::vec(prop::collection::vec(0.0..1.0_f64, NUMBERS), 1..=5);
@@ -127,16 +142,22 @@ pub fn arm_parameters() -> impl Strategy<Value = ArmParameters> {
         .prop_map(|(stated, position, rotation)| stated.then_some(BaseParameters { position, rotation }));
     (sections, base, triple(-9.81..9.81_f64), switch()).prop_map(|(sections, base, gravity, end_force)| {
         let force_model = if end_force { ForceModel::EndForce } else { ForceModel::WorkConjugate };
-        parameters(&sections, base, gravity, force_model)
+        let mut made = parameters(&sections, base, gravity, force_model);
+        for (section, x) in made.section.iter_mut().zip(&sections) {
+            hold(section, x);
+        }
+        made
     })
 }
 
-/// Strategy for the same with one arc a section and all mass at the heads, at the world's origin: as in the paper.
+/// Strategy for the same with one arc a section, one bending stiffness and all mass at the heads, at the world's origin: as in the
+/// paper.
 pub fn plain_arm_parameters() -> impl Strategy<Value = ArmParameters> {
     arm_parameters().prop_map(|mut p| {
         p.base = None;
         for section in &mut p.section {
             (section.arcs, section.masses) = (Vec::new(), Vec::new());
+            (section.cross_bending_stiffness, section.axial) = (None, None);
         }
         p
     })

@@ -6,11 +6,13 @@
 mod along;
 mod base;
 mod check;
+mod holding;
 pub mod parameters;
 mod section;
 
 pub use along::{MOST_ALONG, PointMass, SectionArc, Taper};
 pub use base::Base;
+pub use holding::{Axial, BendingPlanes};
 pub use parameters::ForceModel;
 pub use section::{BELLOWS_PER_SECTION, Bellows, STIFFNESS_TERMS, Section};
 

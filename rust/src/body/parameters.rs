@@ -164,8 +164,18 @@ pub struct SectionParameters {
     /// Rigid piece along z after the arc, m; the head frame sits at its end.
     #[serde(default)]
     pub head_offset: f64,
-    /// k1, k3 of M_bend = k1 psi + k3 psi^3, N m / rad and N m / rad^3.
+    /// k1, k3 of M_bend = k1 psi + k3 psi^3, N m / rad and N m / rad^3; in the plane `bending_plane` where
+    /// `cross_bending_stiffness` is given.
     pub bending_stiffness: [f64; 2],
+    /// k1, k3 at right angles to that plane; all planes are alike if left out.
+    #[serde(default)]
+    pub cross_bending_stiffness: Option<[f64; 2]>,
+    /// phi of that plane, rad.
+    #[serde(default)]
+    pub bending_plane: f64,
+    /// What holds the mean length beside the bellows.
+    #[serde(default)]
+    pub axial: Option<AxialParameters>,
     /// Shortest and longest bellows length, m (not enforced by the dynamics).
     pub length_range: [f64; 2],
     /// The bellows of this section.
@@ -176,6 +186,18 @@ pub struct SectionParameters {
     /// The masses along it, beside `mass`.
     #[serde(default)]
     pub masses: Vec<PointMassParameters>,
+}
+
+/// What holds the mean length of a section beside its bellows: a sleeve, a backbone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxialParameters {
+    /// Mean length without force, m.
+    pub rest_length: f64,
+    /// Force polynomial in (mean length - rest_length), ascending from the first power: N/m, N/m^2, ...
+    pub stiffness: Vec<f64>,
+    /// Viscous damping of the mean length, N s/m.
+    pub damping: f64,
 }
 
 /// One bellows.

@@ -2,6 +2,7 @@
 
 use super::along::{PointMass, SectionArc, Taper, normalized};
 use super::check::{finite, not_negative, positive};
+use super::holding::{self, Axial, BendingPlanes};
 use super::parameters::{BellowsParameters, SectionParameters};
 use crate::error::{Error, Result};
 use crate::real::Real;
@@ -55,8 +56,12 @@ pub struct Section<T> {
     pub base_offset: T,
     /// Rigid piece after the arc, m.
     pub head_offset: T,
-    /// k1, k3 of the bending moment.
+    /// k1, k3 of the bending moment, in the mean over the planes.
     pub bending_stiffness: [T; 2],
+    /// How they differ from plane to plane, where they do.
+    pub bending_planes: Option<Box<BendingPlanes<T>>>,
+    /// What holds its mean length beside the bellows, where something does.
+    pub axial: Option<Box<Axial<T>>>,
     /// Radius at the head below by `bellows_radius`: where the bellows' reactions act on that head.
     pub reaction_scale: T,
     /// Its arcs from the base on; none for a section that is one arc.
@@ -74,30 +79,40 @@ impl Bellows<f64> {
         let wrong = |key, found: usize, allowed| {
             Err(Error::Parameter { place: place.to_owned(), key, found: found.to_string(), allowed })
         };
-        if p.stiffness.is_empty() || p.stiffness.len() > STIFFNESS_TERMS {
-            return wrong("number of stiffness terms", p.stiffness.len(), "1 to 8 are allowed");
-        }
         if p.input >= inputs {
             return wrong("input", p.input, "the index of one of the arm's inputs is needed");
         }
         let radius = not_negative(place, "radius", p.radius)?;
         let angle = finite(place, "angle", p.angle)?;
-        let mut stiffness = [0.0; STIFFNESS_TERMS];
-        for (k, &s) in stiffness.iter_mut().zip(&p.stiffness) {
-            *k = finite(place, "stiffness", s)?;
-        }
         let (cos, sin) = cos_sin(angle);
         Ok(Self {
             x: radius * cos,
             y: radius * sin,
             terminal_area: not_negative(place, "terminal_area", p.terminal_area)?,
             rest_length: finite(place, "rest_length", p.rest_length)?,
-            stiffness,
+            stiffness: stiffness_terms(place, &p.stiffness)?,
             stiffness_terms: p.stiffness.len(),
             damping: finite(place, "damping", p.damping)?,
             input: p.input,
         })
     }
+}
+
+/// The terms of a spring polynomial, filled up with zeros.
+pub(super) fn stiffness_terms(place: &str, terms: &[f64]) -> Result<[f64; STIFFNESS_TERMS]> {
+    if terms.is_empty() || terms.len() > STIFFNESS_TERMS {
+        return Err(Error::Parameter {
+            place: place.to_owned(),
+            key: "number of stiffness terms",
+            found: terms.len().to_string(),
+            allowed: "1 to 8 are allowed",
+        });
+    }
+    let mut stiffness = [0.0; STIFFNESS_TERMS];
+    for (k, &s) in stiffness.iter_mut().zip(terms) {
+        *k = finite(place, "stiffness", s)?;
+    }
+    Ok(stiffness)
 }
 
 /// Cosine and sine, exact at the multiples of 30 degrees where bellows usually sit, so that symmetric arms stay so.
@@ -138,6 +153,7 @@ impl Section<f64> {
         let (arcs, taper) = normalized(SectionArc::all(&place, &p.arcs)?);
         let first = arcs.first().map(|a| (a.relative_radius, a.relative_area));
         let tapers = arcs.iter().any(|a| Some((a.relative_radius, a.relative_area)) != first);
+        let (bending_stiffness, bending_planes) = holding::bending(&place, p)?;
         Ok(Self {
             mass: positive(&place, "mass", p.mass)?,
             inertia: Vec3(inertia),
@@ -148,10 +164,9 @@ impl Section<f64> {
             inverse_radius: 1.0 / bellows_radius,
             base_offset: finite(&place, "base_offset", p.base_offset)?,
             head_offset: finite(&place, "head_offset", p.head_offset)?,
-            bending_stiffness: [
-                finite(&place, "bending_stiffness", p.bending_stiffness[0])?,
-                finite(&place, "bending_stiffness", p.bending_stiffness[1])?,
-            ],
+            bending_stiffness,
+            bending_planes,
+            axial: p.axial.as_ref().map(|a| Axial::new(&place, a)).transpose()?.map(Box::new),
             reaction_scale: radius_below / bellows_radius,
             arcs,
             taper: tapers.then_some(taper),
@@ -197,6 +212,8 @@ impl Section<f64> {
             base_offset: c(self.base_offset),
             head_offset: c(self.head_offset),
             bending_stiffness: self.bending_stiffness.map(c),
+            bending_planes: self.bending_planes.as_ref().map(|b| Box::new(b.map(c))),
+            axial: self.axial.as_ref().map(|a| Box::new(a.map(c))),
             reaction_scale: c(self.reaction_scale),
             arcs: self.arcs.iter().map(|a| a.map(c)).collect(),
             taper: self.taper.map(|t| t.map(c)),

@@ -3,22 +3,21 @@
 use crate::arm::Arm;
 use crate::effects::{self, EffectState};
 use crate::forces::weight::weight;
-use crate::forces::{ForceSet, Load, Wrench, act_along, bellows, bending};
+use crate::forces::{External, ForceSet, Load, Wrench, act_along, axial, bellows, bending, external};
 use crate::kinematics::chain::Link;
 use crate::real::kernel;
-use crate::real::linear::Vec3;
 
 kernel! {
     /// Sums the forces of `set` into `loads` (overwritten), at the state in `links`.
     ///
-    /// `masses`: links of the masses along the sections, after those of the heads; `p`: pressures, Pa absolute, one an input (not read without `actuation`); `f_ext`: force at each section's force
-    /// point (by default its centre of mass) in the world, N (none: no external force); `state`: work space and hidden
+    /// `masses`: links of the masses along the sections, after those of the heads; `p`: pressures, Pa absolute, one an input
+    /// (not read without `actuation`); `outside`: what acts from outside; `state`: work space and hidden
     /// states of the effects.
     pub fn accumulate<'a, T>(
         arm: &'a Arm<T>,
         set: ForceSet,
         p: &'a [T],
-        f_ext: Option<&'a [Vec3<T>]>,
+        outside: Option<External<'a, T>>,
         links: &'a [Link<T>],
         masses: &'a [Link<T>],
         state: &'a mut EffectState<T>,
@@ -40,16 +39,26 @@ kernel! {
             if set.bending {
                 loads[i].on_arc += bending::on_arc(section, link.arc);
             }
+            if let Some(a) = &section.axial {
+                loads[i].on_arc += axial::on_arc(a, (set.axial, set.damping), (link.arc, link.rate));
+            }
             if set.gravity {
                 loads[i].on_head.add(weight(section.mass, body.gravity, link));
                 for (mass, link) in section.masses.iter().zip(&mut masses) {
-                    act_along(i, link, weight(mass.mass, body.gravity, link), loads);
+                    act_along(i, &link.subspace, weight(mass.mass, body.gravity, link), loads);
                 }
             }
             if set.external
-                && let Some(f) = f_ext
+                && let Some(force) = outside.and_then(|x| x.forces.get(i).copied())
             {
-                loads[i].on_head.add(Wrench::at(link.position + link.rotation.mul_vec(section.force_point), f[i]));
+                loads[i].on_head.add(Wrench::at(link.position + link.rotation.mul_vec(section.force_point), force));
+            }
+        }
+        if set.external
+            && let Some(External { wrenches, .. }) = outside
+        {
+            for wrench in wrenches {
+                external::add(body, links, wrench, loads);
             }
         }
     }

@@ -16,7 +16,7 @@ use super::terms::inertia_matrix_of;
 use crate::arm::Arm;
 use crate::arm::structure::with_tangents;
 use crate::effects;
-use crate::forces::{ForceSet, Wrench};
+use crate::forces::{External, ForceSet, PointWrench, Wrench};
 use crate::kinematics::chain::{Link, Local, pass_again, pass_masses};
 #[cfg(feature = "lanes")]
 use crate::real::Lanes;
@@ -38,8 +38,8 @@ pub struct Point<'a> {
     pub qd: &'a [f64],
     /// Pressures, Pa absolute; effects on pressures are at rest under them.
     pub p: &'a [f64],
-    /// Force at each section's centre of mass in the world, N.
-    pub f_ext: Option<&'a [Vec3<f64>]>,
+    /// What acts from outside.
+    pub f_ext: Option<External<'a, f64>>,
 }
 
 /// Takes derivatives of one arm's forward dynamics. Nothing is allocated after [`differentiator`].
@@ -80,6 +80,7 @@ struct Lifted<const N: usize, T> {
     qdd: Vec<Dual<N, T>>,
     p: Vec<Dual<N, T>>,
     forces: Vec<Vec3<Dual<N, T>>>,
+    wrenches: Vec<PointWrench<Dual<N, T>>>,
     /// The pressures that act.
     acting: Vec<Dual<N, T>>,
     residual: Vec<Dual<N, T>>,
@@ -182,7 +183,8 @@ impl<const N: usize, T: Real> Lifted<N, T> {
             qd: vec![zero; n],
             qdd: vec![zero; n],
             p: vec![zero; arm.body.inputs],
-            forces: vec![Vec3::zero(); sections],
+            forces: Vec::with_capacity(sections),
+            wrenches: Vec::new(),
             acting: vec![zero; arm.body.inputs],
             residual: vec![zero; n],
             column: vec![T::zero(); n],
@@ -198,8 +200,15 @@ impl<const N: usize, T: Real> Lifted<N, T> {
                 *to = Dual::from_f64(*from);
             }
         }
-        for (to, from) in self.forces.iter_mut().zip(at.f_ext.unwrap_or_default()) {
-            *to = Vec3::from_f64(from.0);
+        // As long as those given, so that nothing is allocated from the second time on.
+        let outside = at.f_ext.unwrap_or(External { forces: &[], wrenches: &[] });
+        self.forces.clear();
+        for from in outside.forces {
+            self.forces.push(Vec3::from_f64(from.0));
+        }
+        self.wrenches.clear();
+        for from in outside.wrenches {
+            self.wrenches.push(PointWrench::lifted(from));
         }
         for i in 0..locals.len() {
             locals[i] = Local::lifted(&plain.locals[i]);
@@ -231,8 +240,8 @@ impl<const N: usize, T: Real> Lifted<N, T> {
             pass_masses(&arm.body, &ws.links, from, motion_needed(arm), &mut ws.masses);
             inertia_forces(arm, &self.qdd, from, &ws.links, &ws.masses, &mut ws.inertial, &mut ws.mass_wrenches);
         }
-        let forces = Some(self.forces.as_slice());
-        accumulate(arm, set, &self.acting, forces, &ws.links, &ws.masses, &mut ws.effects, &mut ws.loads);
+        let outside = Some(External { forces: &self.forces, wrenches: &self.wrenches });
+        accumulate(arm, set, &self.acting, outside, &ws.links, &ws.masses, &mut ws.effects, &mut ws.loads);
         let (inertial, wrenches) = (&ws.inertial, &ws.mass_wrenches);
         left_over(arm, &ws.links, &ws.masses, &mut ws.loads, inertial, wrenches, &mut self.residual);
     }

@@ -7,7 +7,7 @@
 use super::Workspace;
 use super::recursion::{body_tensor, mass_tensor};
 use crate::arm::Arm;
-use crate::forces::{bending_energy, gravity_energy, length, spring_energy};
+use crate::forces::{axial_energy, bending_energy, gravity_energy, length, spring_energy};
 use crate::kinematics::chain::{Link, Motion, pass, pass_masses};
 use crate::real::Real;
 use crate::real::linear::Sym3;
@@ -25,6 +25,8 @@ pub struct Energy<T = f64> {
     pub bending: T,
     /// Energy in the bellows' springs.
     pub spring: T,
+    /// Energy in what holds the sections' mean lengths beside them.
+    pub axial: T,
 }
 
 impl<T: Real> Energy<T> {
@@ -34,7 +36,7 @@ impl<T: Real> Energy<T> {
     }
     /// Potential energy, springs included.
     pub fn potential(&self) -> T {
-        self.gravity + self.bending + self.spring
+        self.gravity + self.bending + self.spring + self.axial
     }
     /// Adds the kinetic energy of a body of mass `m`.
     fn add_motion(&mut self, m: T, link: &Link<T>, tensor: &Sym3<T>) {
@@ -54,10 +56,13 @@ pub fn energy<T: Real>(arm: &Arm<T>, q: &[T], qd: &[T], ws: &mut Workspace<T>) -
     let zero = T::zero();
     pass_masses(&arm.body, &ws.links, 0, Motion::Velocity, &mut ws.masses);
     let gravity = gravity_energy(&arm.body, &ws.links, &ws.masses);
-    let mut e = Energy { translational: zero, rotational: zero, gravity, bending: zero, spring: zero };
+    let mut e = Energy { translational: zero, rotational: zero, gravity, bending: zero, spring: zero, axial: zero };
     for (section, link) in arm.body.sections.iter().zip(&ws.links) {
         e.add_motion(section.mass, link, &body_tensor(arm, section, link));
         e.bending += bending_energy(section, link.arc);
+        if let Some(axial) = &section.axial {
+            e.axial += axial_energy(axial, link.arc);
+        }
         for b in &section.bellows {
             e.spring += spring_energy(b, length(b, link.arc));
         }

@@ -10,7 +10,9 @@ use crate::arm::testing::{Seed, arms, states};
 use crate::body::Base;
 use crate::body::Body;
 use crate::body::parameters::ForceModel;
-use crate::forces::ForceSet;
+use crate::forces::{External, ForceSet, PointWrench};
+use crate::kinematics::chain::{Link, Motion, pass};
+use crate::kinematics::point::{Point, pose};
 use crate::real::linear::{Mat3, Vec3};
 use crate::real::{Dual, Real};
 use nalgebra::DMatrix;
@@ -71,8 +73,8 @@ proptest! {
             let arm = Arm { body, ..arm.clone() };
             let mut ws = Workspace::new(&arm);
             let (mut qdd, mut tau, mut expected) = (vec![0.0; m], vec![0.0; m], vec![0.0; m]);
-            forward_dynamics_into(&arm, &q, &qd, &p, Some(&f), &mut ws, &mut qdd);
-            inverse_dynamics_into(&arm, &q, &qd, &qdd, Some(&f), &mut ws, &mut tau);
+            forward_dynamics_into(&arm, &q, &qd, &p, Some(External::of_forces(&f)), &mut ws, &mut qdd);
+            inverse_dynamics_into(&arm, &q, &qd, &qdd, Some(External::of_forces(&f)), &mut ws, &mut tau);
             let set = ForceSet { actuation: true, ..ForceSet::NONE };
             generalized_force_into(&arm, set, (&q, &qd), &p, None, &mut ws, &mut expected);
             let scale = expected.iter().fold(1.0_f64, |s, x| s.max(x.abs()));
@@ -89,11 +91,11 @@ proptest! {
         let f = forces(&seed, &arm);
         let mut ws = Workspace::new(&arm);
         let mut qdd = vec![0.0; m];
-        forward_dynamics_into(&arm, &q, &qd, &p, Some(&f), &mut ws, &mut qdd);
+        forward_dynamics_into(&arm, &q, &qd, &p, Some(External::of_forces(&f)), &mut ws, &mut qdd);
         let (mut inertia, mut coriolis, mut total) = (vec![0.0; m * m], vec![0.0; m * m], vec![0.0; m]);
         inertia_matrix_into(&arm, &q, &mut ws, &mut inertia);
         coriolis_matrix_into(&arm, &q, &qd, &mut ws, &mut coriolis);
-        generalized_force_into(&arm, ForceSet::ALL, (&q, &qd), &p, Some(&f), &mut ws, &mut total);
+        generalized_force_into(&arm, ForceSet::ALL, (&q, &qd), &p, Some(External::of_forces(&f)), &mut ws, &mut total);
         let scale = total.iter().fold(1.0_f64, |s, x| s.max(x.abs()));
         for i in 0..m {
             let left: f64 = (0..m).map(|j| inertia[i * m + j] * qdd[j] + coriolis[i * m + j] * qd[j]).sum();
@@ -127,7 +129,7 @@ proptest! {
         let f = forces(&seed, &arm);
         let mut ws = Workspace::new(&arm);
         let mut qdd = vec![0.0; m];
-        forward_dynamics_into(&arm, &q, &qd, &p, Some(&f), &mut ws, &mut qdd);
+        forward_dynamics_into(&arm, &q, &qd, &p, Some(External::of_forces(&f)), &mut ws, &mut qdd);
         let lifted = arm.lift::<Dual<1>>();
         let e = energy(&lifted, &along(&q, &qd), &along(&qd, &qdd), &mut Workspace::new(&lifted));
         let mut power = 0.0;
@@ -137,7 +139,7 @@ proptest! {
             ForceSet { damping: true, ..ForceSet::NONE },
             ForceSet { external: true, ..ForceSet::NONE },
         ] {
-            generalized_force_into(&arm, set, (&q, &qd), &p, Some(&f), &mut ws, &mut force);
+            generalized_force_into(&arm, set, (&q, &qd), &p, Some(External::of_forces(&f)), &mut ws, &mut force);
             power += force.iter().zip(&qd).map(|(f, v)| f * v).sum::<f64>();
         }
         let scale: f64 = 1.0 + power.abs() + e.kinetic().derivative[0].abs();
@@ -151,13 +153,43 @@ proptest! {
         arm.body.force_model = ForceModel::WorkConjugate;
         let (m, q) = (arm.coordinates(), seed.lengths(&arm));
         let j = j % m;
-        let set = ForceSet { gravity: true, bending: true, spring: true, ..ForceSet::NONE };
+        let set = ForceSet { gravity: true, bending: true, spring: true, axial: true, ..ForceSet::NONE };
         let mut force = vec![0.0; m];
         generalized_force_into(&arm, set, (&q, &[]), &[], None, &mut Workspace::new(&arm), &mut force);
         let lifted = arm.lift::<Dual<1>>();
         let dual: Vec<_> = q.iter().enumerate().map(|(k, &x)| Dual::variable(x, usize::from(k != j))).collect();
         let e = energy(&lifted, &dual, &vec![Dual::zero(); m], &mut Workspace::new(&lifted));
         prop_assert!((e.potential().derivative[0] + force[j]).abs() < 1e-9 * (1.0 + force[j].abs()));
+    }
+
+    /// The generalized force of a wrench is the power of its force and moment, from the pose of its point alone.
+    #[test]
+    fn wrenches_do_virtual_work(arm in arms(), seed in states(), which in 0..5_usize, fraction in 0.0..1.5_f64) {
+        let (m, q) = (arm.coordinates(), seed.lengths(&arm));
+        let x = seed.numbers(9);
+        let three = |k: usize| Vec3([x[k], x[k + 1], x[k + 2]]);
+        // A third of them at heads.
+        let point = Point { section: which % arm.body.sections.len(), fraction: fraction.min(1.0), offset: three(0) * 0.05 };
+        let wrench = PointWrench { point, force: three(3), moment: three(6) };
+        let outside = External { forces: &[], wrenches: &[wrench] };
+        let set = ForceSet { external: true, ..ForceSet::NONE };
+        let mut force = vec![0.0; m];
+        generalized_force_into(&arm, set, (&q, &[]), &[], Some(outside), &mut Workspace::new(&arm), &mut force);
+        let lifted = arm.lift::<Dual<1>>();
+        for j in 0..m {
+            let dual: Vec<_> = q.iter().enumerate().map(|(k, &x)| Dual::variable(x, usize::from(k != j))).collect();
+            let mut links = vec![Link::base(); arm.body.sections.len()];
+            pass(&lifted.body, &dual, &[], Motion::Pose, &mut links);
+            let (rotation, position) = pose(&lifted.body, &links, &PointWrench::lifted(&wrench).point);
+            let velocity = Vec3(position.0.map(|x| x.derivative[0]));
+            // [w]x = R' R^T, (24).
+            let spin = |a: usize, b: usize| -> f64 {
+                (0..3).map(|c| rotation.0[a][c].derivative[0] * rotation.0[b][c].value).sum()
+            };
+            let turn = Vec3([spin(2, 1), spin(0, 2), spin(1, 0)]);
+            let expected = wrench.force.dot(velocity) + wrench.moment.dot(turn);
+            prop_assert!((force[j] - expected).abs() < 1e-11 * (1.0 + expected.abs()), "{j}: {} {expected}", force[j]);
+        }
     }
 
     /// Turning the whole arm about z by 120 degrees permutes the bellows.
@@ -181,6 +213,11 @@ proptest! {
             for (mass, original) in section.masses.iter_mut().zip(&original.masses) {
                 mass.offset = turn(original.offset);
             }
+            if let Some(planes) = &mut section.bending_planes {
+                // Twice the angle.
+                let turn = |[x, y]: [f64; 2]| [c * x + s * y, c * y - s * x];
+                (planes.linear, planes.cubic) = (turn(planes.linear), turn(planes.cubic));
+            }
         }
         let shift = |x: &[f64]| x.chunks(3).flat_map(|c| [c[2], c[0], c[1]]).collect::<Vec<_>>();
         let (mut qdd, mut again) = (vec![0.0; m], vec![0.0; m]);
@@ -202,6 +239,9 @@ proptest! {
             s.force_point.0[1] = 0.0;
             for mass in &mut s.masses {
                 mass.offset.0[1] = 0.0;
+            }
+            if let Some(planes) = &mut s.bending_planes {
+                (planes.linear[1], planes.cubic[1]) = (0.0, 0.0);
             }
         }
         let mirror = |x: Vec<f64>| x.chunks(3).flat_map(|c| [c[0], c[1], c[1]]).collect::<Vec<_>>();

@@ -14,7 +14,7 @@ use super::Workspace;
 use super::applied::accumulate;
 use crate::arm::Arm;
 use crate::body::{PointMass, Section};
-use crate::forces::{ForceSet, Load, Wrench, act_along, on_joint};
+use crate::forces::{External, ForceSet, Load, Wrench, act_along, on_joint};
 use crate::kinematics::chain::{Link, Motion, pass, pass_masses};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
 use crate::real::linear::{Mat3, Sym3, Vec3};
@@ -117,15 +117,15 @@ fn inertia_wrench<T: Real>(m: T, link: &Link<T>, tensor: &Sym3<T>) -> Wrench<T> 
 
 /// q'' for given state, pressures and external forces, paper (48), into `qdd`.
 ///
-/// `q`, `qd`, `qdd`: three a section; `p`: one an input, Pa absolute; `f_ext`: force at each section's centre of mass in
-/// the world, N.
+/// `q`, `qd`, `qdd`: three a section; `p`: one an input, Pa absolute; `f_ext`: what acts from
+/// outside.
 #[inline(always)]
 pub fn forward_dynamics_into<T: Real>(
     arm: &Arm<T>,
     q: &[T],
     qd: &[T],
     p: &[T],
-    f_ext: Option<&[Vec3<T>]>,
+    f_ext: Option<External<'_, T>>,
     ws: &mut Workspace<T>,
     qdd: &mut [T],
 ) {
@@ -408,7 +408,7 @@ kernel! {
         let mut next = 0;
         for (i, section) in arm.body.sections.iter().enumerate() {
             for _ in &section.masses {
-                act_along(i, &masses[next], mass_wrenches[next].reversed(), loads);
+                act_along(i, &masses[next].subspace, mass_wrenches[next].reversed(), loads);
                 next += 1;
             }
         }
@@ -430,7 +430,7 @@ pub fn inverse_dynamics_into<T: Real>(
     q: &[T],
     qd: &[T],
     qdd: &[T],
-    f_ext: Option<&[Vec3<T>]>,
+    f_ext: Option<External<'_, T>>,
     ws: &mut Workspace<T>,
     tau: &mut [T],
 ) {

@@ -10,7 +10,7 @@ use super::terms::generalized_force_into;
 use crate::arm::Arm;
 use crate::effects;
 use crate::error::{Error, Result};
-use crate::forces::{ForceSet, length};
+use crate::forces::{External, ForceSet, PointWrench, length, spring};
 use crate::kinematics::coordinates::{arc_from_lengths, lengths_from_arc};
 use crate::real::linear::{Sym3, Vec3};
 use crate::real::{Dual, Real};
@@ -32,21 +32,23 @@ struct Equations<'a> {
     lifted: Arm<Dual<BLOCK>>,
     p: &'a [f64],
     p_lifted: Vec<Dual<BLOCK>>,
-    f_ext: Option<&'a [Vec3<f64>]>,
-    f_lifted: Option<Vec<Vec3<Dual<BLOCK>>>>,
+    f_ext: Option<External<'a, f64>>,
+    forces: Vec<Vec3<Dual<BLOCK>>>,
+    wrenches: Vec<PointWrench<Dual<BLOCK>>>,
     ws: Workspace<f64>,
     ws_lifted: Workspace<Dual<BLOCK>>,
 }
 
 impl<'a> Equations<'a> {
-    fn new(arm: &'a Arm<f64>, p: &'a [f64], f_ext: Option<&'a [Vec3<f64>]>) -> Self {
+    fn new(arm: &'a Arm<f64>, p: &'a [f64], f_ext: Option<External<'a, f64>>) -> Self {
         let lifted = arm.lift::<Dual<BLOCK>>();
         Self {
             arm,
             p,
             p_lifted: p.iter().map(|&x| Dual::from_f64(x)).collect(),
             f_ext,
-            f_lifted: f_ext.map(|f| f.iter().map(|v| Vec3::from_f64(v.0)).collect()),
+            forces: f_ext.map_or(Vec::new(), |f| f.forces.iter().map(|v| Vec3::from_f64(v.0)).collect()),
+            wrenches: f_ext.map_or(Vec::new(), |f| f.wrenches.iter().map(PointWrench::lifted).collect()),
             ws: Workspace::new(arm),
             ws_lifted: Workspace::new(&lifted),
             lifted,
@@ -72,8 +74,8 @@ impl<'a> Equations<'a> {
             let dual: Vec<_> =
                 (0..n).map(|k| Dual::variable(q[k], if k < block { BLOCK } else { k - block })).collect();
             let state = (dual.as_slice(), [].as_slice());
-            let f = self.f_lifted.as_deref();
-            generalized_force_into(&self.lifted, STATIC, state, &self.p_lifted, f, &mut self.ws_lifted, &mut out);
+            let f = External { forces: &self.forces, wrenches: &self.wrenches };
+            generalized_force_into(&self.lifted, STATIC, state, &self.p_lifted, Some(f), &mut self.ws_lifted, &mut out);
             for (row, d) in out.iter().enumerate() {
                 for (k, value) in d.derivative.iter().enumerate() {
                     if block + k < n {
@@ -95,7 +97,7 @@ impl<'a> Equations<'a> {
 pub fn static_lengths(
     arm: &Arm<f64>,
     p: &[f64],
-    f_ext: Option<&[Vec3<f64>]>,
+    f_ext: Option<External<'_, f64>>,
     start: Option<&[f64]>,
 ) -> Result<Vec<f64>> {
     static_lengths_until(arm, p, f_ext, start, &mut || false)
@@ -108,7 +110,7 @@ pub fn static_lengths(
 pub fn static_lengths_until(
     arm: &Arm<f64>,
     p: &[f64],
-    f_ext: Option<&[Vec3<f64>]>,
+    f_ext: Option<External<'_, f64>>,
     start: Option<&[f64]>,
     stop: &mut impl FnMut() -> bool,
 ) -> Result<Vec<f64>> {
@@ -171,7 +173,8 @@ fn possible(arm: &Arm<f64>, q: Vec<f64>) -> Result<Vec<f64>> {
     Ok(q)
 }
 
-/// Lengths from spring forces against static pressure only, each section by itself: static decoupled.
+/// Lengths from spring forces (also those on the mean length) against static pressure only, each section by itself: static
+/// decoupled.
 ///
 /// # Errors
 /// [`Error::Convergence`] naming the section whose springs cannot hold the pressure, or whose mean length is not positive.
@@ -194,16 +197,18 @@ fn decoupled(arm: &Arm<f64>, p: &[f64]) -> Result<Vec<f64>> {
             let (mut force, mut stiffness) = (Vec3::zero(), Sym3::zero());
             for b in &section.bellows {
                 let e = length(b, arc) - b.rest_length;
-                let (mut f, mut k) = (b.terminal_area * (p[b.input] - arm.body.ambient_pressure), 0.0);
-                for (j, s) in b.stiffness[..b.stiffness_terms].iter().enumerate() {
-                    let power = e.powi(j as i32);
-                    f -= s * power * e;
-                    k += s * (j as f64 + 1.0) * power;
-                }
+                let terms = &b.stiffness[..b.stiffness_terms];
+                let f = b.terminal_area * (p[b.input] - arm.body.ambient_pressure) - spring::force(terms, e);
+                let k = spring::slope(terms, e);
                 let d = Vec3([-b.x / r, -b.y / r, 1.0]);
                 force += d * f;
                 let [x, y, z] = d.0;
                 stiffness = stiffness.add(&Sym3([x * x, x * y, x * z, y * y, y * z, z * z].map(|v| v * k)));
+            }
+            if let Some(axial) = &section.axial {
+                let (e, terms) = (arc.z() - axial.rest_length, &axial.stiffness[..axial.stiffness_terms]);
+                force -= Vec3([0.0, 0.0, spring::force(terms, e)]);
+                stiffness = stiffness.add(&Sym3([0.0, 0.0, 0.0, 0.0, 0.0, spring::slope(terms, e)]));
             }
             left = Vec3::dot(force, force).sqrt();
             let typical = stiffness.0.iter().fold(0.0_f64, |m, x| m.max(x.abs()));

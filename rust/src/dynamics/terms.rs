@@ -10,7 +10,7 @@ use super::applied::accumulate;
 use super::recursion::{Inertia, body_tensor, mass_tensor};
 use crate::arm::Arm;
 use crate::body::PointMass;
-use crate::forces::{ForceSet, project};
+use crate::forces::{External, ForceSet, project};
 use crate::kinematics::chain::{Link, Motion, mass_subspace_rate, pass, pass_masses, subspace_rate};
 use crate::kinematics::coordinates::force_on_lengths;
 use crate::kinematics::section::Subspace;
@@ -221,7 +221,7 @@ pub fn generalized_force_into<T: Real>(
     set: ForceSet,
     (q, qd): (&[T], &[T]),
     p: &[T],
-    f_ext: Option<&[Vec3<T>]>,
+    f_ext: Option<External<'_, T>>,
     ws: &mut Workspace<T>,
     out: &mut [T],
 ) {

@@ -3,7 +3,7 @@
 use super::recursion::{Inertial, Joint};
 use crate::arm::Arm;
 use crate::effects::EffectState;
-use crate::forces::{Load, Wrench};
+use crate::forces::{Load, PointWrench, Wrench};
 use crate::kinematics::chain::Link;
 use crate::real::Real;
 use crate::real::linear::Vec3;
@@ -23,8 +23,10 @@ pub struct Workspace<T = f64> {
     pub(crate) inertial: Vec<Inertial<T>>,
     /// Inertia forces of each mass along the sections.
     pub(crate) mass_wrenches: Vec<Wrench<T>>,
-    /// A force for each section, for callers that assemble `f_ext`.
+    /// A force for each section, for callers that assemble what acts from outside.
     pub external: Vec<Vec3<T>>,
+    /// Wrenches, likewise.
+    pub wrenches: Vec<PointWrench<T>>,
     /// Work space and hidden states of the effects.
     pub effects: EffectState<T>,
 }
@@ -41,6 +43,7 @@ impl<T: Real> Workspace<T> {
             inertial: vec![Inertial::zero(); n],
             mass_wrenches: vec![Wrench::zero(); masses],
             external: vec![Vec3::zero(); n],
+            wrenches: Vec::new(),
             effects: EffectState::new(&arm.body, &arm.effects),
         }
     }

@@ -15,7 +15,7 @@
 //!
 //! Limits: massless bellows whose force is along z at both ends; torsion of the section is not modelled.
 
-use super::{ForceSet, Load, Wrench};
+use super::{ForceSet, Load, Wrench, spring};
 use crate::body::parameters::ForceModel;
 use crate::body::{Bellows, Body, Section};
 use crate::kinematics::chain::Link;
@@ -39,25 +39,15 @@ pub fn volume<T: Real>(section: &Section<T>, b: &Bellows<T>, arc: Vec3<T>) -> T 
     b.terminal_area * (length(b, arc) - beyond)
 }
 
-/// Spring force F_spr, a polynomial in (length - rest_length) without constant term.
+/// Spring force F_spr.
 #[inline(always)]
-fn spring<T: Real>(b: &Bellows<T>, length: T) -> T {
-    let e = length - b.rest_length;
-    let mut sum = T::zero();
-    for k in b.stiffness[..b.stiffness_terms].iter().rev() {
-        sum = sum.mul_add(e, *k);
-    }
-    sum * e
+fn spring_force<T: Real>(b: &Bellows<T>, length: T) -> T {
+    spring::force(&b.stiffness[..b.stiffness_terms], length - b.rest_length)
 }
 
-/// Energy in the spring, the integral of F_spr from the rest length, J.
+/// Energy in the spring, J.
 pub fn spring_energy<T: Real>(b: &Bellows<T>, length: T) -> T {
-    let e = length - b.rest_length;
-    let mut sum = T::zero();
-    for (k, s) in b.stiffness[..b.stiffness_terms].iter().enumerate().rev() {
-        sum = (sum + *s * (1.0 / (k as f64 + 2.0))) * e;
-    }
-    sum * e
+    spring::energy(&b.stiffness[..b.stiffness_terms], length - b.rest_length)
 }
 
 /// Adds the forces of section `i`'s bellows, beginning with the `extra` one of each, to its own load and the one below.
@@ -81,7 +71,7 @@ pub(crate) fn add<T: Real>(
             force = b.terminal_area.mul_add(p[b.input] - body.ambient_pressure, force);
         }
         if set.spring {
-            force -= spring(b, length(b, link.arc));
+            force -= spring_force(b, length(b, link.arc));
         }
         if set.damping {
             force = b.damping.neg_mul_add(length(b, link.rate), force);

@@ -1,9 +1,12 @@
 //! Bending stiffness of a section.
 //!
-//! Source: paper (33)-(35) and Fig. 7. The paper writes the moment M_bend(psi) into the potential, which does not fit in
-//! units; here U_bend is its integral, M_bend = k1 psi + k3 psi^3, so dU/du = (k1 + k3 psi^2) u: no singularity at 0.
+//! Source: paper (33)-(35) and Fig. 7. The paper writes the moment M_bend(psi, phi) into the potential, which does not fit
+//! in units; here U_bend is its integral, M_bend = k1 psi + k3 psi^3, so dU/du = (k1 + k3 psi^2) u: no singularity at 0.
+//! Where planes differ, k1(phi) and k3(phi) go as k cos^2 + k' sin^2 from one principal plane to the other, so that with the
+//! symmetric tensors K1, K3 of these and x = (u, v): U = x.K1 x / 2 + (x.K3 x) (x.x) / 4, a polynomial in (u, v) too.
+//! Besides the moment along the bend there is then dU/dphi, which turns the bend towards the plane of less stiffness.
 
-use crate::body::Section;
+use crate::body::{BendingPlanes, Section};
 use crate::real::Real;
 use crate::real::linear::Vec3;
 
@@ -13,7 +16,25 @@ pub(crate) fn on_arc<T: Real>(section: &Section<T>, arc: Vec3<T>) -> Vec3<T> {
     let [u, v, _] = arc.0;
     let [k1, k3] = section.bending_stiffness;
     let k = -(k1 + k3 * (u * u + v * v));
-    Vec3([k * u, k * v, T::zero()])
+    let force = Vec3([k * u, k * v, T::zero()]);
+    match &section.bending_planes {
+        None => force,
+        Some(planes) => force - beyond_mean(planes, u, v),
+    }
+}
+
+/// (d cos 2 alpha, d sin 2 alpha) as the symmetric matrix without trace that it stands for, times (u, v).
+#[inline(always)]
+fn times<T: Real>([c, s]: [T; 2], u: T, v: T) -> [T; 2] {
+    [c * u + s * v, s * u - c * v]
+}
+
+/// dU/d(u, v, l) of what planes differ by.
+#[inline(always)]
+fn beyond_mean<T: Real>(planes: &BendingPlanes<T>, u: T, v: T) -> Vec3<T> {
+    let (linear, cubic) = (times(planes.linear, u, v), times(planes.cubic, u, v));
+    let (s, form) = (u * u + v * v, u * cubic[0] + v * cubic[1]);
+    Vec3([linear[0] + (cubic[0] * s + form * u) * 0.5, linear[1] + (cubic[1] * s + form * v) * 0.5, T::zero()])
 }
 
 /// U_bend, J.
@@ -21,5 +42,8 @@ pub fn energy<T: Real>(section: &Section<T>, arc: Vec3<T>) -> T {
     let [u, v, _] = arc.0;
     let [k1, k3] = section.bending_stiffness;
     let s = u * u + v * v;
-    (k1 + k3 * s * 0.5) * s * 0.5
+    let mean = (k1 + k3 * s * 0.5) * s * 0.5;
+    let Some(planes) = &section.bending_planes else { return mean };
+    let (linear, cubic) = (times(planes.linear, u, v), times(planes.cubic, u, v));
+    mean + (u * linear[0] + v * linear[1]) * 0.5 + (u * cubic[0] + v * cubic[1]) * s * 0.25
 }

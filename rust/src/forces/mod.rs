@@ -4,11 +4,15 @@
 //! Every force adds to two accumulators per section: a generalized force on (u, v, l), and a wrench on the head body,
 //! (torque about the world's origin O, force), in the world. [`project`] turns both into generalized forces.
 
+pub(crate) mod axial;
 pub(crate) mod bellows;
 pub(crate) mod bending;
+pub(crate) mod external;
+pub(crate) mod spring;
 pub(crate) mod weight;
 
 use crate::kinematics::chain::Link;
+use crate::kinematics::section::Subspace;
 use crate::real::Real;
 use crate::real::linear::Vec3;
 
@@ -74,13 +78,15 @@ pub struct ForceSet {
     pub actuation: bool,
     /// Bellows springs, paper (26).
     pub spring: bool,
-    /// Bellows damping, paper (26).
+    /// Bellows damping, paper (26), and that of the sections' mean lengths.
     pub damping: bool,
+    /// Axial stiffness of the sections.
+    pub axial: bool,
     /// Bending stiffness, paper (33)-(35).
     pub bending: bool,
     /// Weight, paper (33)-(35).
     pub gravity: bool,
-    /// External forces, paper (28).
+    /// External forces, paper (28), and wrenches.
     pub external: bool,
     /// Effects that the paper leaves out; those that depend on pressure belong to `actuation`.
     pub effects: bool,
@@ -92,6 +98,7 @@ impl ForceSet {
         actuation: true,
         spring: true,
         damping: true,
+        axial: true,
         bending: true,
         gravity: true,
         external: true,
@@ -104,6 +111,7 @@ impl ForceSet {
         actuation: false,
         spring: false,
         damping: false,
+        axial: false,
         bending: false,
         gravity: false,
         external: false,
@@ -122,11 +130,11 @@ pub fn project<T: Real>(links: &[Link<T>], loads: &[Load<T>], mut each: impl FnM
     }
 }
 
-/// Adds a wrench on a body within section `i`, which moves with the section's own rates by the subspace in `link`: a force
-/// on the section's (u, v, l), and the wrench on the head below.
+/// Adds a wrench on a body within section `i`, which moves with the section's own rates by the subspace `own`: a force on the
+/// section's (u, v, l), and the wrench on the head below.
 #[inline(always)]
-pub fn act_along<T: Real>(i: usize, link: &Link<T>, wrench: Wrench<T>, loads: &mut [Load<T>]) {
-    loads[i].on_arc += on_joint(link, &wrench);
+pub fn act_along<T: Real>(i: usize, own: &Subspace<T>, wrench: Wrench<T>, loads: &mut [Load<T>]) {
+    loads[i].on_arc += on_subspace(own, &wrench);
     if i > 0 {
         loads[i - 1].on_head.add(wrench);
     }
@@ -135,7 +143,12 @@ pub fn act_along<T: Real>(i: usize, link: &Link<T>, wrench: Wrench<T>, loads: &m
 /// The generalized force of a wrench on one section's (u, v, l), paper (17).
 #[inline(always)]
 pub fn on_joint<T: Real>(link: &Link<T>, w: &Wrench<T>) -> Vec3<T> {
-    let s = &link.subspace;
+    on_subspace(&link.subspace, w)
+}
+
+/// The same where the motion by (u, v, l) is `s`.
+#[inline(always)]
+pub fn on_subspace<T: Real>(s: &Subspace<T>, w: &Wrench<T>) -> Vec3<T> {
     Vec3([
         s.angular[0].dot(w.torque) + s.linear[0].dot(w.force),
         s.angular[1].dot(w.torque) + s.linear[1].dot(w.force),
@@ -143,6 +156,8 @@ pub fn on_joint<T: Real>(link: &Link<T>, w: &Wrench<T>) -> Vec3<T> {
     ])
 }
 
+pub use axial::energy as axial_energy;
 pub use bellows::{length, spring_energy, volume};
 pub use bending::energy as bending_energy;
+pub use external::{External, PointWrench};
 pub use weight::gravity_energy;

@@ -51,6 +51,21 @@ pub fn pose<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>) -> (Ma
     (rotation, position)
 }
 
+/// Position of a point and the motion subspace, about O, by which its own section moves it; none at a head, which moves by that
+/// of its link.
+pub fn motion<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>) -> (Vec3<T>, Option<Subspace<T>>) {
+    let (rotation, position) = pose(body, links, point);
+    if point.fraction >= 1.0 {
+        return (position, None);
+    }
+    let below = below(body, links, point.section);
+    let (_, local) = part(body, links, point);
+    let origin = position - rotation.mul_vec(point.offset);
+    let angular = local.angular.map(|v| below.rotation.mul_vec(v));
+    let [u, v, l] = local.linear.map(|v| below.rotation.mul_vec(v));
+    (position, Some(Subspace { angular, linear: [u + origin.cross(angular[0]), v + origin.cross(angular[1]), l] }))
+}
+
 /// The Jacobian of a point by the lengths, column by column: (velocity, angular velocity). Columns of sections above
 /// are zero. `columns` has one entry a coordinate.
 pub fn jacobian<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>, columns: &mut [[Vec3<T>; 2]]) {

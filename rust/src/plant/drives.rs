@@ -1,6 +1,8 @@
 //! The inputs that drive the lanes of a plant, and where their readers stand.
 
 use crate::effects::upstream::Upstream;
+use crate::forces::PointWrench;
+use crate::kinematics::point::Point;
 use crate::plant::input::{Cursor, Input};
 use crate::real::Real;
 use crate::real::linear::Vec3;
@@ -40,8 +42,8 @@ impl Drive {
 }
 
 impl<T: Real> Drives<T> {
-    /// `inputs[k]` drives lane `k` (the only one all lanes), its clock ahead of the plant's by the seconds given. Either
-    /// all inputs have forces or none.
+    /// `inputs[k]` drives lane `k` (the only one all lanes), its clock ahead of the plant's by the seconds given. All
+    /// inputs have the same force channels and wrenches at the same fractions of the same sections.
     pub fn new(inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let (cursor, elsewhere) = (Cursor::default(), Cursor::default());
         let has_jumps = inputs.iter().any(|(input, _)| !input.jumps().is_empty());
@@ -116,20 +118,49 @@ impl<T: Real> Drives<T> {
         }
     }
 
-    /// The forces at `t`.
+    /// Number of force channels at the sections' force points: three a section, or none.
     #[inline(always)]
-    pub fn forces(&mut self, t: f64, before: bool, out: &mut [Vec3<T>]) {
+    pub fn section_force_count(&self) -> usize {
+        self.each[0].input.section_force_count()
+    }
+
+    /// Wrenches at the points where the inputs have some; where these differ in offset, in lanes.
+    pub fn wrenches(&self) -> Vec<PointWrench<T>> {
+        let points = |k: usize| self.each[if self.each.len() == 1 { 0 } else { k }].input.points();
+        let lifted = |(j, point): (usize, &Point<f64>)| {
+            let offset = Vec3([0, 1, 2].map(|c| T::from_lanes(|k| points(k)[j].offset.0[c])));
+            let point = Point { section: point.section, fraction: point.fraction, offset };
+            PointWrench { point, force: Vec3::zero(), moment: Vec3::zero() }
+        };
+        points(0).iter().enumerate().map(lifted).collect()
+    }
+
+    /// The forces at `t`, at the sections' force points (if there are some) and of wrenches.
+    #[inline(always)]
+    pub fn forces(&mut self, t: f64, before: bool, out: &mut [Vec3<T>], wrenches: &mut [PointWrench<T>]) {
         let places = self.places([t; MOST_LANES], [before; MOST_LANES]);
-        let single = self.each.len() == 1;
-        for (i, f) in out.iter_mut().enumerate() {
-            for (c, f) in f.0.iter_mut().enumerate() {
-                *f = if single {
-                    T::from_f64(self.each[0].input.force(places[0], 3 * i + c))
-                } else {
-                    T::from_lanes(|k| self.each[k].input.force(places[k], 3 * i + c))
-                };
-            }
+        let count = self.section_force_count();
+        for (i, f) in out.iter_mut().enumerate().take(count / 3) {
+            *f = self.three(&places, 3 * i);
         }
+        for (j, wrench) in wrenches.iter_mut().enumerate() {
+            wrench.force = self.three(&places, count + 6 * j);
+            wrench.moment = self.three(&places, count + 6 * j + 3);
+        }
+    }
+
+    /// Three force channels from `first` on.
+    #[inline(always)]
+    fn three(&self, places: &[(usize, f64); MOST_LANES], first: usize) -> Vec3<T> {
+        let mut out = Vec3::zero();
+        for (c, f) in out.0.iter_mut().enumerate() {
+            *f = if self.each.len() == 1 {
+                T::from_f64(self.each[0].input.force(places[0], first + c))
+            } else {
+                T::from_lanes(|k| self.each[k].input.force(places[k], first + c))
+            };
+        }
+        out
     }
 
     /// Where each lane's input stands.

@@ -1,6 +1,7 @@
-//! What drives an arm: pressures and external forces sampled at times of their own.
+//! What drives an arm: pressures, external forces and wrenches sampled at times of their own.
 
 use crate::error::{Error, Result};
+use crate::kinematics::point::Point;
 use crate::real::Real;
 
 /// What holds between two samples.
@@ -36,9 +37,11 @@ pub struct Input {
     /// Row by row: pressures, Pa absolute.
     pressures: Vec<f64>,
     pressure_count: usize,
-    /// Row by row: forces at the sections' centres of mass, N, or empty.
+    /// Row by row: forces at the sections' force points, N, or none, then force and moment, N and N m, at each of `points`.
     forces: Vec<f64>,
     force_count: usize,
+    /// Where wrenches act.
+    points: Vec<Point<f64>>,
     interpolation: Interpolation,
     /// Times of the jumps, ascending.
     jumps: Vec<f64>,
@@ -95,12 +98,34 @@ impl Input {
         let origin = times[0];
         times.iter_mut().for_each(|t| *t -= origin);
         let jumps = Vec::new();
-        let mut input = Self { origin, times, pressures, pressure_count, forces, force_count, interpolation, jumps };
+        let mut input = Self {
+            origin,
+            times,
+            pressures,
+            pressure_count,
+            forces,
+            force_count,
+            points: Vec::new(),
+            interpolation,
+            jumps,
+        };
         input.jumps = input.find_jumps();
         Ok(input)
     }
 
-    /// Whether it has external forces.
+    /// The same, its last force channels being wrenches at `points`: six each, force and moment.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there are fewer channels.
+    pub fn with_points(self, points: Vec<Point<f64>>) -> Result<Self> {
+        if self.force_count < 6 * points.len() {
+            let (found, count) = (self.force_count, points.len());
+            return Err(Error::Input(format!("wrenches: {found} force channels; {count} points need six each")));
+        }
+        Ok(Self { points, ..self })
+    }
+
+    /// Whether it has external forces or wrenches.
     pub fn has_forces(&self) -> bool {
         self.force_count > 0
     }
@@ -110,12 +135,22 @@ impl Input {
         self.times.len()
     }
 
+    /// Where wrenches act.
+    pub fn points(&self) -> &[Point<f64>] {
+        &self.points
+    }
+
+    /// Number of force channels at the sections' force points: three a section, or none.
+    pub fn section_force_count(&self) -> usize {
+        self.force_count - 6 * self.points.len()
+    }
+
     /// Number of pressure channels.
     pub fn pressure_count(&self) -> usize {
         self.pressure_count
     }
 
-    /// Number of force channels: three a section, or none.
+    /// Number of force channels, those of wrenches included.
     pub fn force_count(&self) -> usize {
         self.force_count
     }

@@ -15,6 +15,7 @@ use crate::effects::pressures::{PressureChain, Sort, has_readings};
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
 use crate::effects::{self, poses};
+use crate::forces::External;
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
 use crate::kinematics::chain::Link;
@@ -66,11 +67,12 @@ impl<T: Real> Plant<T> {
     }
 
     /// The plant of arms in lanes, each under its own input: `inputs[k]` drives lane `k` (the only one all lanes) with its
-    /// clock ahead of the plant's by the seconds given. Either all inputs have forces or none.
+    /// clock ahead of the plant's by the seconds given. See [`Drives::new`] for what they must share.
     pub fn in_lanes(arm: Arc<Arm<T>>, inputs: Vec<(Arc<Input>, f64)>) -> Self {
         let drives = Drives::new(inputs);
         let (mut ws, pressures) = (Workspace::new(&arm), vec![T::zero(); arm.body.inputs]);
         ws.effects.clock = drives.callers_clock();
+        ws.wrenches = drives.wrenches();
         Self {
             arm,
             drives,
@@ -229,7 +231,7 @@ impl<T: Real> Plant<T> {
         let again = self.read == (t, before);
         self.read = (t, before);
         if !again && self.has_forces() {
-            self.drives.forces(t, before, &mut self.ws.external);
+            self.drives.forces(t, before, &mut self.ws.external, &mut self.ws.wrenches);
         }
         // Only pressures of trapped air depend on the lengths.
         let trapped = self.is_trapped();
@@ -405,11 +407,12 @@ impl<T: Real> Plant<T> {
         self.read_input(t, q);
         let (dq, dqd) = dx.split_at_mut(n);
         dq.copy_from_slice(qd);
-        let external = std::mem::take(&mut self.ws.external);
-        let f_ext = self.has_forces().then_some(external.as_slice());
+        let (forces, wrenches) = (std::mem::take(&mut self.ws.external), std::mem::take(&mut self.ws.wrenches));
+        let count = self.drives.section_force_count() / 3;
+        let f_ext = self.has_forces().then_some(External { forces: &forces[..count], wrenches: &wrenches });
         let (arm, p, ws) = (&self.arm, self.pressures.as_slice(), &mut self.ws);
         forward_dynamics_into(arm, q, qd, p, f_ext, ws, dqd);
-        self.ws.external = external;
+        (self.ws.external, self.ws.wrenches) = (forces, wrenches);
     }
 }
 

@@ -1,7 +1,8 @@
 //! The class `Arm`: the model of one arm.
 
-use super::arrays::{finite, matrix, pressures, shaped, small, vector, vector_or_rows, whole};
+use super::arrays::{finite, pressures, shaped, small, vector, vector_or_rows, whole};
 use super::errors::{input, to_python};
+use super::external::Outside;
 use super::signals::Signals;
 use crate::arm::Arm;
 use crate::body::parameters::ArmParameters;
@@ -12,7 +13,7 @@ use crate::dynamics::terms::{
     actuation_matrix_into, coriolis_matrix_into, generalized_force_into, inertia_matrix_into,
 };
 use crate::effects;
-use crate::forces::ForceSet;
+use crate::forces::{External, ForceSet};
 use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::configuration;
 use crate::kinematics::point::{Point, jacobian, pose, shape};
@@ -47,11 +48,9 @@ impl PyArm {
         self.arm.coordinates()
     }
 
-    /// External forces, one row a section.
-    fn external(&self, f_ext: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<Vec3<f64>>>> {
-        let Some(f) = f_ext else { return Ok(None) };
-        let f = matrix(f, "f_ext", (self.arm.body.sections.len(), 3))?;
-        Ok(Some(f.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect()))
+    /// What acts from outside.
+    fn external(&self, f_ext: Option<&Bound<'_, PyAny>>, wrenches: Option<&Bound<'_, PyAny>>) -> PyResult<Outside> {
+        Outside::read(f_ext, wrenches, self.arm.body.sections.len())
     }
 
     /// Appends positions and rotations of the heads at lengths `q`.
@@ -82,7 +81,7 @@ impl PyArm {
         signals.result()
     }
 
-    fn force(&self, set: ForceSet, (q, qd): (&[f64], &[f64]), p: &[f64], f_ext: Option<&[Vec3<f64>]>) -> Vec<f64> {
+    fn force(&self, set: ForceSet, (q, qd): (&[f64], &[f64]), p: &[f64], f_ext: Option<External<'_, f64>>) -> Vec<f64> {
         let mut out = vec![0.0; self.size()];
         generalized_force_into(&self.arm, set, (q, qd), p, f_ext, &mut self.workspace(), &mut out);
         out
@@ -222,24 +221,25 @@ impl PyArm {
     }
 
     /// The terms of M q'' + C q' + N = tau. Paper (48)-(53).
-    #[pyo3(signature = (q, qd, p, f_ext = None))]
+    #[pyo3(signature = (q, qd, p, f_ext = None, wrenches = None))]
     fn dynamics_terms(
         &self,
         q: &Bound<'_, PyAny>,
         qd: &Bound<'_, PyAny>,
         p: &Bound<'_, PyAny>,
         f_ext: Option<&Bound<'_, PyAny>>,
+        wrenches: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<DynamicsTerms> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
         let p = pressures(p, "p", self.arm.body.inputs)?;
-        let f = self.external(f_ext)?;
+        let f = self.external(f_ext, wrenches)?;
         let (q, qd, p) = (&q, &qd, &p);
         let (mut inertia, mut coriolis) = (vec![0.0; m * m], vec![0.0; m * m]);
         inertia_matrix_into(&self.arm, q, &mut self.workspace(), &mut inertia);
         coriolis_matrix_into(&self.arm, q, qd, &mut self.workspace(), &mut coriolis);
         let actuation = ForceSet { actuation: true, ..ForceSet::NONE };
-        let passive = self.force(ForceSet::PASSIVE, (q, qd), &[], f.as_deref());
+        let passive = self.force(ForceSet::PASSIVE, (q, qd), &[], f.get());
         let tau = self.force(actuation, (q, qd), &self.acting(p), None);
         Ok(DynamicsTerms {
             inertia_matrix: shaped(py, finite(py, "inertia_matrix", inertia)?, [m, m])?.unbind(),
@@ -249,28 +249,30 @@ impl PyArm {
         })
     }
 
-    /// N's parts by name (spring, damping, bending, gravity, external, effects), each (3n,); they add up to `bias_force`. Paper (52).
-    #[pyo3(signature = (q, qd, f_ext = None))]
+    /// N's parts by name (spring, damping, axial, bending, gravity, external, effects), each (3n,); they add up to `bias_force`. Paper (52).
+    #[pyo3(signature = (q, qd, f_ext = None, wrenches = None))]
     fn bias_force_parts<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
+        wrenches: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
-        let f = self.external(f_ext)?;
+        let f = self.external(f_ext, wrenches)?;
         let none = ForceSet::NONE;
         let out = PyDict::new(py);
         for (name, set) in [
             ("spring", ForceSet { spring: true, ..none }),
             ("damping", ForceSet { damping: true, ..none }),
+            ("axial", ForceSet { axial: true, ..none }),
             ("bending", ForceSet { bending: true, ..none }),
             ("gravity", ForceSet { gravity: true, ..none }),
             ("external", ForceSet { external: true, ..none }),
             ("effects", ForceSet { effects: true, ..none }),
         ] {
-            let force = self.force(set, (&q, &qd), &[], f.as_deref());
+            let force = self.force(set, (&q, &qd), &[], f.get());
             let force = force.iter().map(|f| 0.0 - f).collect::<Vec<_>>();
             out.set_item(name, small(py, &finite(py, name, force)?))?;
         }
@@ -296,17 +298,18 @@ impl PyArm {
     }
 
     /// N (3n,): springs, damping, bending, gravity, external forces. Paper (52).
-    #[pyo3(signature = (q, qd, f_ext = None))]
+    #[pyo3(signature = (q, qd, f_ext = None, wrenches = None))]
     fn bias_force<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
+        wrenches: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
-        let f = self.external(f_ext)?;
-        let passive = self.force(ForceSet::PASSIVE, (&q, &qd), &[], f.as_deref());
+        let f = self.external(f_ext, wrenches)?;
+        let passive = self.force(ForceSet::PASSIVE, (&q, &qd), &[], f.get());
         Ok(small(py, &finite(py, "bias_force", negative(&passive))?))
     }
 
@@ -339,38 +342,40 @@ impl PyArm {
     ///
     /// Of an arm with effects the stateless parts act; hidden states (creep, hysteresis, friction, lag, delay, dead band) are
     /// at rest: they exert no force and the pressures have settled.
-    #[pyo3(signature = (q, qd, p, f_ext = None))]
+    #[pyo3(signature = (q, qd, p, f_ext = None, wrenches = None))]
     fn forward_dynamics<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         p: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
+        wrenches: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let (py, m) = (q.py(), self.size());
         let (q, qd) = (vector(q, "q", m)?, vector(qd, "qd", m)?);
         let p = pressures(p, "p", self.arm.body.inputs)?;
-        let f = self.external(f_ext)?;
+        let f = self.external(f_ext, wrenches)?;
         let mut qdd = vec![0.0; m];
-        forward_dynamics_into(&self.arm, &q, &qd, &self.acting(&p), f.as_deref(), &mut self.workspace(), &mut qdd);
+        forward_dynamics_into(&self.arm, &q, &qd, &self.acting(&p), f.get(), &mut self.workspace(), &mut qdd);
         Ok(small(py, &finite(py, "acceleration", qdd)?))
     }
 
     /// The actuation force tau (3n,) needed for an acceleration: M q'' + C q' + N. Paper (48).
-    #[pyo3(signature = (q, qd, qdd, f_ext = None))]
+    #[pyo3(signature = (q, qd, qdd, f_ext = None, wrenches = None))]
     fn inverse_dynamics<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         qdd: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
+        wrenches: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let (py, m) = (q.py(), self.size());
         let (q, qd, qdd) = (vector(q, "q", m)?, vector(qd, "qd", m)?, vector(qdd, "qdd", m)?);
-        let f = self.external(f_ext)?;
+        let f = self.external(f_ext, wrenches)?;
         let mut out = vec![0.0; m];
         let (q, qd, qdd) = (&q, &qd, &qdd);
-        inverse_dynamics_into(&self.arm, q, qd, qdd, f.as_deref(), &mut self.workspace(), &mut out);
+        inverse_dynamics_into(&self.arm, q, qd, qdd, f.get(), &mut self.workspace(), &mut out);
         Ok(small(py, &finite(py, "actuation_force", out)?))
     }
 
@@ -384,23 +389,24 @@ impl PyArm {
     }
 
     /// Lengths (3n,) at rest: static coupled (62), N(q, 0) = tau(q, p); with `coupled=False` spring forces against pressure only.
-    #[pyo3(signature = (p, f_ext = None, *, coupled = true, start = None))]
+    #[pyo3(signature = (p, f_ext = None, *, wrenches = None, coupled = true, start = None))]
     fn static_lengths<'py>(
         &self,
         p: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
+        wrenches: Option<&Bound<'py, PyAny>>,
         coupled: bool,
         start: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vector<'py>> {
         let py = p.py();
         let p = pressures(p, "p", self.arm.body.inputs)?;
-        let f = self.external(f_ext)?;
+        let f = self.external(f_ext, wrenches)?;
         let start = start.map(|s| vector(s, "start", self.size())).transpose()?;
         let p = self.acting(&p);
         let mut signals = Signals::new();
         let result = py.detach(|| {
             if coupled {
-                statics::static_lengths_until(&self.arm, &p, f.as_deref(), start.as_deref(), &mut || signals.stop())
+                statics::static_lengths_until(&self.arm, &p, f.get(), start.as_deref(), &mut || signals.stop())
             } else {
                 statics::static_decoupled_lengths(&self.arm, &p)
             }
@@ -463,6 +469,11 @@ impl Energy {
     fn spring(&self) -> f64 {
         self.0.spring
     }
+    /// Energy in what holds the sections' mean lengths beside their bellows.
+    #[getter]
+    fn axial(&self) -> f64 {
+        self.0.axial
+    }
     /// Kinetic energy.
     #[getter]
     fn kinetic(&self) -> f64 {
@@ -481,8 +492,8 @@ impl Energy {
     fn __repr__(&self) -> String {
         let e = &self.0;
         format!(
-            "Energy(translational={:.6e}, rotational={:.6e}, gravity={:.6e}, bending={:.6e}, spring={:.6e})",
-            e.translational, e.rotational, e.gravity, e.bending, e.spring
+            "Energy(translational={:.6e}, rotational={:.6e}, gravity={:.6e}, bending={:.6e}, spring={:.6e}, axial={:.6e})",
+            e.translational, e.rotational, e.gravity, e.bending, e.spring, e.axial
         )
     }
 }

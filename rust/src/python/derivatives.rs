@@ -4,13 +4,13 @@ use super::arm::PyArm;
 use super::arrays::{any_vector, finite, matrix, pressures, shaped, small, vector};
 use super::batch::instruction_set_by_name;
 use super::errors::{input, to_python};
+use super::external::Outside;
 use super::input::PyInput;
 use super::signals::Signals;
 use super::simulation::options;
 use crate::arm::structure::tangent;
 use crate::dynamics::derivatives::{self, Point};
 use crate::memory::reserved;
-use crate::real::linear::Vec3;
 use crate::run::sensitivity::{Direction, Trajectory};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -69,20 +69,20 @@ impl Differentiator {
     }
 
     /// The acceleration and its derivatives at one state.
-    #[pyo3(signature = (q, qd, p, f_ext = None))]
+    #[pyo3(signature = (q, qd, p, f_ext = None, wrenches = None))]
     fn __call__<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         p: &Bound<'py, PyAny>,
         f_ext: Option<&Bound<'py, PyAny>>,
+        wrenches: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Differentiated> {
         let (py, n) = (q.py(), 3 * self.sections);
         let (q, qd) = (vector(q, "q", n)?, vector(qd, "qd", n)?);
         let p = pressures(p, "p", self.inputs)?;
-        let f = f_ext.map(|f| matrix(f, "f_ext", (self.sections, 3))).transpose()?;
-        let f: Option<Vec<_>> = f.map(|f| f.chunks_exact(3).map(|c| Vec3([c[0], c[1], c[2]])).collect());
-        let at = Point { q: &q, qd: &qd, p: &p, f_ext: f.as_deref() };
+        let outside = Outside::read(f_ext, wrenches, self.sections)?;
+        let at = Point { q: &q, qd: &qd, p: &p, f_ext: outside.get() };
         let directions = 2 * n + self.inputs + self.tangents;
         let (mut qdd, mut out) = (vec![0.0; n], vec![0.0; directions * n]);
         self.inner.lock().unwrap_or_else(std::sync::PoisonError::into_inner).run(at, &mut qdd, &mut out);

@@ -8,6 +8,7 @@ mod control;
 mod derivatives;
 mod effects;
 mod errors;
+mod external;
 mod input;
 mod signals;
 mod simulation;

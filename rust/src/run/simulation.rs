@@ -5,7 +5,9 @@ use crate::dynamics::Workspace;
 use crate::dynamics::statics::static_lengths;
 use crate::effects;
 use crate::error::{Error, Result};
+use crate::forces::{External, PointWrench};
 use crate::integrate::{Integrator, Method, Options, Statistics};
+use crate::kinematics::point::Point;
 use crate::plant::Plant;
 use crate::plant::input::{Cursor, Input};
 use crate::plant::stiffness::{chosen, explained};
@@ -186,6 +188,10 @@ pub(crate) fn initial_state(
 ) -> Result<Vec<f64>> {
     let n = arm.coordinates();
     let place = input.weight(start, false, &mut Cursor::default());
+    if let Some(point) = input.points().iter().find(|point| point.section >= n / 3) {
+        let (found, count) = (point.section + 1, n / 3);
+        return Err(Error::Input(format!("a wrench on section {found}; sections 1 to {count} exist")));
+    }
     for (name, given) in [("q", q), ("qd", qd)] {
         if let Some(v) = given
             && (v.len() != n || v.iter().any(|x| !x.is_finite()))
@@ -199,9 +205,16 @@ pub(crate) fn initial_state(
         None => {
             let mut p: Vec<f64> = (0..arm.body.inputs).map(|j| input.pressure(place, j)).collect();
             effects::pressures::at_rest(&arm.effects, &mut p);
-            let force = |i: usize| Vec3([0, 1, 2].map(|k| input.force(place, 3 * i + k)));
-            let f: Option<Vec<_>> = input.has_forces().then(|| (0..arm.body.sections.len()).map(force).collect());
-            rest = static_lengths(arm, &p, f.as_deref(), None)?;
+            let force = |first: usize| Vec3([0, 1, 2].map(|k| input.force(place, first + k)));
+            let count = input.section_force_count();
+            let forces: Vec<_> = (0..count).step_by(3).map(force).collect();
+            let wrench = |(j, point): (usize, &Point<f64>)| {
+                let first = count + 6 * j;
+                PointWrench { point: *point, force: force(first), moment: force(first + 3) }
+            };
+            let wrenches: Vec<_> = input.points().iter().enumerate().map(wrench).collect();
+            let outside = input.has_forces().then_some(External { forces: &forces, wrenches: &wrenches });
+            rest = static_lengths(arm, &p, outside, None)?;
             &rest
         }
     };

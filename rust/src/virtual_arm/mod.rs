@@ -128,6 +128,15 @@ impl VirtualArm {
         if let Some(c) = creep.iter().find(|c| !(c.share >= 0.0 && c.share.is_finite() && c.time_constant > 0.0)) {
             return Err(Error::Input(format!("creep: {c:?}; a share not below zero and a positive time are needed")));
         }
+        if let Some(i) =
+            parameters.section.iter().position(|s| s.cross_bending_stiffness.is_some() || s.axial.is_some())
+        {
+            return Err(Error::Input(format!(
+                "a virtual arm has one bending stiffness for all planes and no axial stiffness; section {} states \
+                 cross_bending_stiffness, axial_stiffness or axial_damping",
+                i + 1
+            )));
+        }
         let sections = parameters.section.iter().zip(distributed).map(|(p, d)| Section {
             plate_mass: p.mass,
             plate_inertia: Vector3::from(p.inertia),

@@ -8,6 +8,7 @@ use crate::arm::testing::{plain_arm_parameters, states};
 use crate::body::parameters::{ArmParameters, BaseParameters, ForceModel, PointMassParameters};
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
+use crate::forces::External;
 use crate::plant::input::{Input, Interpolation};
 use crate::real::linear::Vec3;
 use nalgebra::Vector3;
@@ -56,7 +57,7 @@ proptest! {
         let forces: Vec<_> = (0..n / 3).map(|i| [3.0 * i as f64 - 4.0, 2.0, -1.5]).collect();
         let lumped_forces: Vec<_> = forces.iter().map(|f| Vec3(*f)).collect();
         let mut lumped = vec![0.0; n];
-        forward_dynamics_into(&arm, &q, &qd, &p, Some(&lumped_forces), &mut Workspace::new(&arm), &mut lumped);
+        forward_dynamics_into(&arm, &q, &qd, &p, Some(External::of_forces(&lumped_forces)), &mut Workspace::new(&arm), &mut lumped);
 
         let external: Vec<_> = forces.iter().map(|f| Vector3::from(*f)).collect();
         let equations =

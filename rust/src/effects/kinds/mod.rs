@@ -3,6 +3,7 @@
 //! The `mod` lines stand outside of the macro, since `cargo fmt` looks into no macro for files.
 
 pub mod base_tilt;
+pub mod bending_anisotropy;
 pub mod bending_damping;
 pub mod bending_nonlinear;
 pub mod contact;
@@ -40,6 +41,7 @@ registry::kinds! {
     quadratic_damping => QuadraticDamping,
     bending_damping => BendingDamping,
     bending_nonlinear => BendingNonlinear,
+    bending_anisotropy => BendingAnisotropy,
     section_coupling => SectionCoupling,
     effective_area => EffectiveArea,
     weak_bellows => WeakBellows,

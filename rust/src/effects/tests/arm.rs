@@ -7,6 +7,7 @@ use crate::kinematics::chain::{Link, Motion, pass};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_arc};
 use crate::kinematics::point::{Point, jacobian};
 use crate::real::linear::Vec3;
+use std::f64::consts::FRAC_PI_2;
 
 fn acceleration(arm: &Arm) -> Vec<f64> {
     let (q, qd) = state();
@@ -84,6 +85,28 @@ fn those_that_change_the_arm_equal_a_changed_arm() {
     changed.section[1].bending_stiffness[1] = 0.3;
     let (a, b) = (Arm::new(&with).unwrap(), Arm::new(&changed).unwrap());
     assert!(close(&acceleration(&a), &acceleration(&b), 1e-10));
+    // A plane of a section, and planes of several effects, add up.
+    let stated = |stiffness: [f64; 2], cross: [f64; 2], plane: f64| {
+        let mut p = parameters(&[]);
+        p.section[1].bending_stiffness = stiffness;
+        (p.section[1].cross_bending_stiffness, p.section[1].bending_plane) = (Some(cross), plane);
+        p
+    };
+    let ribs = [
+        effect("bending_anisotropy", "section 2", &[("stiffness", 1.3), ("angle", 0.4)]),
+        effect("bending_anisotropy", "section 2", &[("stiffness", 0.4), ("angle", 0.4 + FRAC_PI_2)]),
+    ];
+    let (a, b) = (arm(&ribs), Arm::new(&stated([4.3, 0.0], [3.4, 0.0], 0.4)).unwrap());
+    assert!(close(&acceleration(&a), &acceleration(&b), 1e-10));
+    let mut stiff = stated([3.0, 0.2], [3.6, 0.5], -0.3);
+    stiff.effect = ribs[..1].to_vec();
+    let bending = ForceSet { bending: true, ..ForceSet::NONE };
+    let both: Vec<f64> = force(&Arm::new(&stated([3.0, 0.2], [3.6, 0.5], -0.3)).unwrap(), bending)
+        .iter()
+        .zip(force(&arm(&ribs[..1]), bending).iter().zip(force(&arm(&[]), bending)))
+        .map(|(a, (b, c))| a + b - c)
+        .collect();
+    assert!(close(&force(&Arm::new(&stiff).unwrap(), bending), &both, 1e-10));
     // Gravity turned about x, as the base sees it; in the world the base is turned back.
     let tilted = arm(&[effect("base_tilt", "all", &[("about_x", 0.4), ("about_y", 0.0)])]);
     let seen = tilted.body.base.rotation.transposed_mul_vec(tilted.body.gravity);

@@ -32,6 +32,9 @@ pub fn parameters(effects: &[EffectParameters]) -> ArmParameters {
         base_offset: 0.01,
         head_offset: 0.02,
         bending_stiffness: [bending, 0.0],
+        cross_bending_stiffness: None,
+        bending_plane: 0.0,
+        axial: None,
         length_range: [0.1, 0.3],
         bellows: (0..3)
             .map(|k| BellowsParameters {

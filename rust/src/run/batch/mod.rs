@@ -285,7 +285,7 @@ impl Batch<'_> {
                     m.arm, m.input
                 ));
             };
-            let (pressures, forces) = (input.pressure_count(), input.force_count());
+            let (pressures, forces) = (input.pressure_count(), input.section_force_count());
             if pressures != arm.body.inputs {
                 return wrong(format!(
                     "member {k}: its input has {pressures} pressures, its arm {} inputs",

@@ -3,6 +3,7 @@
 use super::{Batch, Member};
 use crate::arm::Arm;
 use crate::arm::structure::same_structure;
+use crate::kinematics::point::Point;
 
 /// Whether two members take the same steps and can so share lanes: the same output times after their start, and jumps of
 /// the input, where there are any, at the same times.
@@ -18,8 +19,13 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
     let timeless = |arm: &Arm| arm.effects.list.iter().all(|e| e.definition.program.is_none());
     let same_clock = a.start == b.start && inputs.0.origin() == inputs.1.origin()
         || timeless(arms.0) && timeless(arms.1) && inputs.0.jumps().is_empty() && inputs.1.jumps().is_empty();
-    let same_input =
-        a.input == b.input || inputs.0.force_count() == inputs.1.force_count() && inputs.0.jumps() == inputs.1.jumps();
+    let same_points = |a: &[Point<f64>], b: &[Point<f64>]| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a.section, a.fraction) == (b.section, b.fraction))
+    };
+    let same_input = a.input == b.input
+        || inputs.0.force_count() == inputs.1.force_count()
+            && same_points(inputs.0.points(), inputs.1.points())
+            && inputs.0.jumps() == inputs.1.jumps();
     // Jumps come later by the arm's own delays.
     let delayed =
         |arm: &Arm| arm.effects.list.iter().any(|e| (0..arm.body.inputs).any(|j| e.kind.input_delay(j).is_some()));

@@ -1,0 +1,33 @@
+//! Axial stiffness and damping of a section: what a sleeve or a backbone does to its mean length l.
+//!
+//! Source: none in the paper, whose sections are held by their bellows alone. Springs at the bellows' radius r tie
+//! lengthening to bending, 3 k to 1.5 k r^2; fabric arms hardly lengthen and bend easily.
+//! Form: F = -F_axial(l - l_0) - d l', F_axial a polynomial as that of the bellows. Sign: resists. It works on l alone,
+//! whichever the force model: an axial force has no lever.
+
+use super::spring;
+use crate::body::Axial;
+use crate::real::Real;
+use crate::real::linear::Vec3;
+
+/// Generalized force on (u, v, l), of the spring and the damper or one of them.
+#[inline(always)]
+pub(crate) fn on_arc<T: Real>(
+    axial: &Axial<T>,
+    (stiff, damped): (bool, bool),
+    (arc, rate): (Vec3<T>, Vec3<T>),
+) -> Vec3<T> {
+    let mut force = T::zero();
+    if stiff {
+        force -= spring::force(&axial.stiffness[..axial.stiffness_terms], arc.z() - axial.rest_length);
+    }
+    if damped {
+        force = axial.damping.neg_mul_add(rate.z(), force);
+    }
+    Vec3([T::zero(), T::zero(), force])
+}
+
+/// Energy of the spring, J.
+pub fn energy<T: Real>(axial: &Axial<T>, arc: Vec3<T>) -> T {
+    spring::energy(&axial.stiffness[..axial.stiffness_terms], arc.z() - axial.rest_length)
+}
