@@ -28,6 +28,10 @@ HUBER = 3.0
 STATE_DEVIATION = (0.02, 0.5)
 _LARGEST_DAMPING = 1e8
 _NEGLIGIBLE = 1e-2
+#: A step that keeps less than this part of its promise is bent, at most so often, by ever shorter corrections.
+_KEPT, _BENDS, _SHORTER = 0.75, 3, 0.5
+#: Damping of the full step, which is tried first and taken where it keeps this part of its promise.
+_LEAST_DAMPING, _TRUSTED = 1e-10, 0.5
 
 
 @dataclass(frozen=True)
@@ -100,12 +104,16 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Block:
-    """A window's linearization: weighed residuals (rows, C) and their derivatives by z (..., p) and state (..., 6n)."""
+    """A window's linearization: weighed residuals (rows, C) and their derivatives by z (..., p) and state (..., 6n).
+
+    ``weight`` are the square roots of the loss' weights, shape (rows, C).
+    """
 
     residual: Array
     by_z: Array
     by_state: Array
     mask: NDArray[np.bool_]
+    weight: Array
 
 
 @dataclass(frozen=True)
@@ -174,13 +182,35 @@ class Problem:
 
     def evaluated(self, z: Array, states: Array) -> Point:
         """The point with its loss; infinite where a simulation fails."""
-        total = self._prior_cost(z, states)
+        left = self.left(z, states)
+        if left is None:
+            return Point(z, states)
+        return Point(z, states, self._prior_cost(z, states) + sum(self.residuals.cost(residual) for residual in left))
+
+    def left(self, z: Array, states: Array) -> list[Array] | None:
+        """Residuals of the windows in scales, each (rows, C); None where a simulation fails."""
+        found = []
         for window, predicted in zip(self.windows, self.model.predict(z, self.windows, states), strict=True):
             residual, _ = self.residuals.scaled(self.model, window, predicted)
             if not np.all(np.isfinite(residual)):
-                return Point(z, states)
-            total += self.residuals.cost(residual)
-        return Point(z, states, total)
+                return None
+            found.append(residual)
+        return found
+
+    def there(self, normal: Normal, z: Array, states: Array) -> tuple[Point, Normal | None]:
+        """A point, and ``normal`` with the descent direction of what is left there, its derivatives as they were."""
+        left = self.left(z, states)
+        if left is None:
+            return Point(z, states), None
+        assert normal.blocks is not None
+        point = Point(z, states, self._prior_cost(z, states) + sum(self.residuals.cost(residual) for residual in left))
+        mean, deviation = self.prior
+        g, g_state = (mean - z) / deviation**2, self.state_deviation**-2.0 * (self.guesses - states)
+        for k, (block, residual) in enumerate(zip(normal.blocks, left, strict=True)):
+            weighed = block.weight * residual
+            g = g + np.einsum("tcp,tc->p", block.by_z, weighed)
+            g_state[k] += np.einsum("tcs,tc->s", block.by_state, weighed)
+        return point, replace(normal, g=g, g_state=g_state)
 
     def failing_window(self, z: Array, states: Array) -> Window | None:
         """The first window whose simulation fails, if any."""
@@ -202,7 +232,7 @@ class Problem:
             residual, mask = self.residuals.scaled(self.model, window, predicted)
             weight = self.residuals.weights(residual)
             factor = (weight * mask / self.residuals.scale[window.record])[..., None]
-            block = Block(weight * residual, by_z * factor, by_state * factor, mask)
+            block = Block(weight * residual, by_z * factor, by_state * factor, mask, weight)
             a, b, r = block.by_z.reshape(mask.size, p), block.by_state.reshape(mask.size, s), block.residual.ravel()
             h, g = h + a.T @ a, g + a.T @ r
             h_state[k] = b.T @ b + np.diag(state_precision)
@@ -259,7 +289,7 @@ def solve(
         if progress is not None:
             progress(iteration, best.cost)
         try:
-            normal = problem.normal(best)
+            normal = problem.normal(best, keep=True)
         except ConvergenceError as error:
             return Outcome(best, False, str(error), iteration, tuple(history))
         if not (np.all(np.isfinite(normal.h)) and np.all(np.isfinite(normal.h_mixed))):
@@ -267,9 +297,10 @@ def solve(
         gain = _expected_gain(normal, best.z, bounds, problem)
         if gain < max(_NEGLIGIBLE, tolerance * best.cost):
             return Outcome(best, True, "nothing left to gain", iteration, tuple(history))
-        while True:
-            z, states = _step(normal, best, bounds, damping)
-            trial = problem.evaluated(z, states)
+        trial = _tried(problem, normal, best, bounds, _LEAST_DAMPING)
+        bent = best.cost - trial.cost > _TRUSTED * gain
+        while not bent:
+            trial = _tried(problem, normal, best, bounds, damping)
             if trial.cost < best.cost:
                 break
             damping = max(10.0 * damping, 1e-6)
@@ -281,6 +312,30 @@ def solve(
         history.append(best.cost)
         damping = max(damping / 10.0, 1e-10)
     return Outcome(best, False, f"not converged after {max_iterations} steps", max_iterations, tuple(history))
+
+
+def _tried(problem: Problem, normal: Normal, best: Point, bounds: Array, damping: float) -> Point:
+    """The point a damped step leads to, bent along the valley where the straight step misses what it promised.
+
+    In a curved valley a step along it climbs its sides. What is left there, projected back by the same derivatives and
+    hardly damped, is the second-order term of the path (geodesic acceleration, Transtrum and Sethna 2012): it leads
+    back to the bottom without another linearization.
+    """
+    z, states = _step(normal, best, bounds, damping)
+    promised = float(normal.g @ (z - best.z) + np.sum(normal.g_state * (states - best.states)))
+    trial, again = problem.there(normal, z, states)
+    lowest, size = trial, float(np.linalg.norm(z - best.z))
+    for _ in range(_BENDS):
+        if again is None or best.cost - lowest.cost > _KEPT * promised:
+            break
+        z, states = _step(again, trial, bounds, _LEAST_DAMPING)
+        bend = float(np.linalg.norm(z - trial.z))
+        # A correction as long as what it corrects is none.
+        if bend > _SHORTER * size:
+            break
+        trial, again = problem.there(normal, z, states)
+        lowest, size = min(lowest, trial, key=lambda point: point.cost), bend
+    return lowest
 
 
 def _expected_gain(normal: Normal, z: Array, bounds: Array, problem: Problem) -> float:
