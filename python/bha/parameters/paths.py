@@ -20,6 +20,7 @@ path                                           number
 ``effect.1.time_constant``                     a number of an effect, if the arm has effects
 ``sensors.camera_position.z``                  of the camera; ``camera_rotation``: rotation vector, rad
 ``length_sensor.1.offset``                     of a length sensor; ``angle`` (rad), ``radius``
+``pneumatics.fill_time``                       time constant of commanded pressures, s; ``vent_time``
 ``section.*.damping``, ``section.1.stiffness.*``  a group: every number that the pattern matches
 =============================================  ==============================================
 
@@ -79,8 +80,11 @@ _BELLOWS_NUMBERS = ("radius", "terminal_area", "rest_length", "damping")
 _BASE_VECTORS = ("position", "rotation")
 _MASS_NUMBERS = ("mass", "share")
 _SENSORS_VECTORS = ("camera_position", "camera_rotation")
+_PNEUMATICS_NUMBERS = ("fill_time", "vent_time")
 _LENGTH_SENSOR_NUMBERS = ("angle", "radius", "offset")
 _UNITS = {
+    "fill_time": "s",
+    "vent_time": "s",
     "position": "m",
     "rotation": "rad",
     "camera_position": "m",
@@ -158,6 +162,8 @@ def available(parameters: ArmParameters) -> tuple[str, ...]:
         paths += [f"sensors.{name}.{axis}" for name in _SENSORS_VECTORS for axis in AXES]
     for count in range(1, len(parameters.length_sensors) + 1):
         paths += [f"length_sensor.{count}.{name}" for name in _LENGTH_SENSOR_NUMBERS]
+    if parameters.pneumatics is not None:
+        paths += [f"pneumatics.{name}" for name in _pneumatics_numbers(parameters)]
     for count, effect in enumerate(_effects(parameters.to_mapping()), start=1):
         paths += [f"effect.{count}.{name}" for name, value in effect.items() if _is_number(value)]
     return tuple(paths)
@@ -218,6 +224,8 @@ def get_value(  # noqa: PLR0911, PLR0912  (a table of cases)
             sensors = parameters.sensors or SensorsParameters()
             vector = sensors.camera_position if name == "camera_position" else sensors.camera_rotation_rad
             return float(vector[AXES.index(axis)])
+        case ["pneumatics", name] if name in (stated := _pneumatics_numbers(parameters)):
+            return stated[name]
         case ["length_sensor", number, name] if name in _LENGTH_SENSOR_NUMBERS:
             place = _index(number, len(parameters.length_sensors))
             if place is not None:
@@ -328,7 +336,7 @@ def table_of(mapping: Mapping[str, Any], path: str) -> tuple[Any, str, int | Non
     """
     steps = path.split(".")
     table: Any = mapping
-    if steps[0] in ("base", "sensors"):
+    if steps[0] in ("base", "pneumatics", "sensors"):
         table, steps = mapping[steps[0]], steps[1:]
     elif steps[0] in ("section", "effect", "length_sensor"):
         table, steps = mapping[steps[0]][int(steps[1]) - 1], steps[2:]
@@ -442,6 +450,13 @@ def _unknown(parameters: ArmParameters, path: str) -> ParameterError:
 def _effects(mapping: Mapping[str, Any]) -> list[dict[str, Any]]:
     effects: list[dict[str, Any]] = mapping.get("effect", [])
     return effects
+
+
+def _pneumatics_numbers(parameters: ArmParameters) -> dict[str, float]:
+    """The time constants that the ``[pneumatics]`` table states."""
+    table = parameters.pneumatics
+    found = {} if table is None else {name: getattr(table, name) for name in _PNEUMATICS_NUMBERS}
+    return {name: float(value) for name, value in found.items() if value is not None}
 
 
 def _is_number(value: Any) -> bool:
