@@ -214,6 +214,8 @@ def _show(result: Identification) -> None:
     out.print(left)
     if result.held_out:
         out.print(_held_out_table(result.held_out))
+    for note in result.notes:
+        say(f"note: {note}")
     for warning in result.warnings:
         say(f"warning: {warning}")
 

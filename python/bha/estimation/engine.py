@@ -79,6 +79,20 @@ class Model:
         members = [(arms[self.records[w.record].session], w, state) for w, state in zip(windows, states, strict=True)]
         return self._run(members)
 
+    def predict_each(
+        self, points: Sequence[tuple[Array, Array]], windows: Sequence[Window]
+    ) -> list[list[Array] | None]:
+        """As :meth:`predict` for several points (z, initial states) abreast; None where parameters are not allowed."""
+        arms = [self._arms(z) for z, _ in points]
+        members = [
+            (own[self.records[w.record].session], w, state)
+            for own, (_, states) in zip(arms, points, strict=True)
+            if own is not None
+            for w, state in zip(windows, states, strict=True)
+        ]
+        shown = iter(self._run(members) if members else [])
+        return [None if own is None else [next(shown) for _ in windows] for own in arms]
+
     def linearize(self, z: Array, windows: Sequence[Window], states: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Per window the prediction (rows, C), its derivative by z (rows, C, p) and by the initial state (rows, C, 6n).
 
@@ -176,7 +190,6 @@ class Model:
             head_orientations=any(rec.observation.needs_orientations for rec in self.records),
             measured=True,
             threads=self.threads,
-            warn=False,
         )
         seen: dict[tuple[int, int], Observation] = {}
         outputs = []

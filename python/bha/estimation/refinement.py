@@ -160,7 +160,7 @@ def refine(
     began = clock.perf_counter()
     settings = settings or Settings()
     if settings.windows is None:
-        settings = replace(settings, windows=(6.0, None) if _remembers(arm, records) else (0.75, 6.0))
+        settings = replace(settings, windows=(6.0, None) if remembers(arm, records) else (0.75, 6.0))
     coordinates = resolve(arm.parameters, free)
     model = Model(arm.parameters, coordinates, tuple(records), threads=settings.threads)
     z = np.zeros(len(coordinates))
@@ -249,7 +249,7 @@ def _integrated(
     return replace(chosen, step=chosen.step * (finer or 1.0))
 
 
-def _remembers(arm: Arm, records: Sequence[Record]) -> bool:
+def remembers(arm: Arm, records: Sequence[Record]) -> bool:
     """Whether pressures that act depend on commands of long before."""
     commanded = any(rec.drive.commanded for rec in records)
     lags = any(effect.kind == "pressure_lag" for effect in arm.parameters.effects)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.free import Coordinate
+from bha.estimation.lags import CommonTime
 from bha.estimation.records import Record
 from bha.estimation.refinement import Refinement
 from bha.identification.holdout import Prediction, predict
@@ -81,6 +82,8 @@ class Identification:
         residuals: what is left, per log and channel.
         held_out: logs that took no part.
         warnings: what a reader must know before using the values.
+        notes: what the values rest on: the scale of forces, and where the fit began.
+        common_times: under commands, what lag of the pressures and damping come to together, section by section.
     """
 
     start: Arm
@@ -91,6 +94,8 @@ class Identification:
     residuals: tuple[ChannelResidual, ...]
     held_out: tuple[HeldOut, ...]
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    common_times: tuple[CommonTime, ...] = ()
 
     def __repr__(self) -> str:
         """The fit in a line; ``estimates`` has the numbers."""
@@ -137,6 +142,8 @@ class Identification:
             "residuals": [vars(r) for r in self.residuals],
             "held_out": [_held_out_summary(h) for h in self.held_out],
             "warnings": self.warnings,
+            "notes": self.notes,
+            "common_times": [vars(time) for time in self.common_times],
         }
 
 

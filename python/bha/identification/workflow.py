@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 from bha.arm import Arm
 from bha.checkup import checked
 from bha.errors import InputError
-from bha.estimation.free import FreeParameter, camera_free, default_free
+from bha.estimation.apart import mean_pressures
+from bha.estimation.begin import Begin, begin
+from bha.estimation.free import FreeParameter
+from bha.estimation.lags import PATHS as LAG_PATHS
+from bha.estimation.lags import CommonTime, common_times, with_lag
 from bha.estimation.records import Record, record
-from bha.estimation.refinement import Settings, refine
+from bha.estimation.refinement import Settings, refine, remembers
+from bha.estimation.scale import default_free_of, scale_of
 from bha.identification.result import Identification, identification
 from bha.logs import Log
-from bha.parameters import paths
-from bha.recordings import Output, PressureSort, Recording
+from bha.recordings import PressureSort, Recording
+
+#: Standard error of a lag, in itself, below which it counts as told apart from damping.
+_TOLD = 0.1
+#: Part of the progress that finding a start is.
+_BEGIN_SHARE = 0.2
 
 
 def identify(
@@ -59,18 +69,46 @@ def identify(
     every = [next(made) if rec is None else rec for rec in records]
     used, held = every[: len(logs)], every[len(logs) :]
     _check_once(used, held)
+    lagging, splits = arm, free is None
     if free is None:
-        free = [*default_free(arm.parameters)]
-        if all(_sees_a_head(rec.observation.outputs) for rec in used):
-            free += camera_free(arm.parameters)
-    fit = refine(arm, used, free, settings, progress=progress)
-    return identification(arm, fit, held)
+        lagging, lags = with_lag(arm, used)
+        free = (*default_free_of(arm.parameters, used), *lags)
+    settings = settings or Settings()
+    start = begin(
+        lagging,
+        used,
+        free,
+        whole=remembers(lagging, used),
+        splits=splits,
+        threads=settings.threads,
+        tell=None if progress is None else lambda text, done: progress(text, _BEGIN_SHARE * done),
+    )
+    if settings.windows is None and start.skips_short_windows:
+        settings = replace(settings, windows=(None,) if remembers(lagging, used) else (6.0,))
+    fit = refine(start.arm, used, start.free, settings, progress=progress)
+    found = identification(arm, fit, held)
+    times = common_times(fit.arm, mean_pressures(used)) if any(rec.drive.commanded for rec in used) else ()
+    return replace(found, notes=(*_notes(start, found), *map(_of_times(found), times)), common_times=times)
 
 
-def _sees_a_head(outputs: Sequence[Output]) -> bool:
-    """Whether all three coordinates of some head are measured."""
-    sections = [output.section for output in outputs if output.kind == "position"]
-    return any(sections.count(section) == len(paths.AXES) for section in sections)
+def _notes(start: Begin, found: Identification) -> list[str]:
+    """What the values rest on."""
+    notes = [scale_of(start.arm.parameters, start.free)]
+    if not start.from_file:
+        notes.append("the fit began at what held poses and a search over dampings say, not at the file's values")
+    if len(start.arm.parameters.effects) > len(found.start.parameters.effects):
+        notes.append("bending lags longer than stretching: a damping of bending (effect bending_damping) was added")
+    return notes
+
+
+def _of_times(found: Identification) -> Callable[[CommonTime], str]:
+    """Lag and damping as one class; the lag alone where the fit tells it."""
+    told = [e for e in found.estimates if e.path in LAG_PATHS and e.identified and e.standard_error < _TOLD * e.value]
+    return lambda time: (
+        f"section {time.section} follows commands through the lag of its pressures and its own damping, together "
+        f"{time.across:.2g} s across its axis and {time.along:.2g} s along it; the lag alone is "
+        + (f"{time.lag:.2g} s if the model's form is right" if told else "not told")
+    )
 
 
 def _check_once(used: Sequence[Record], held: Sequence[Record]) -> None:
