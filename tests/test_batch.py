@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -353,3 +354,18 @@ def test_members_with_clocks_of_their_own(arm: bha.Arm) -> None:
 def test_too_many_rows_are_an_error_at_once(arm: bha.Arm) -> None:
     with pytest.raises(bha.InputError, match="rows of members; fewer at a time are needed"):
         bha.simulate_batch([arm] * 200_000, drive(arm), times=np.linspace(0.0, 0.1, 1_000_000))
+
+
+def test_lengths_beyond_what_the_arm_is_made_for_are_said_once_and_counted(arm: bha.Arm) -> None:
+    time = np.linspace(0.0, 0.5, 6)
+    low, high = (bha.Input(time, np.full((6, len(arm.inputs)), p)) for p in (1.1e5, 3.0e5))
+    rest = np.concatenate([arm.static_lengths(np.full(len(arm.inputs), 1.1e5)), np.zeros(3 * arm.section_count)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        bha.simulate_batch(arm, [low, low], rest, times=time)
+        bha.simulate_batch(arm, [low, high, high], rest, times=time, warn=False)
+    with pytest.warns(
+        bha.errors.LogWarning, match=r"of 2 of 3 members leave length_range \(the first: member 1"
+    ) as said:
+        bha.simulate_batch(arm, [low, high, high], rest, times=time)
+    assert len(said) == 1

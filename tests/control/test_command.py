@@ -108,6 +108,20 @@ def test_a_stiff_arm_by_default_settings(tmp_path: Path) -> None:
     assert found["runs"]["gravity_pd"]["tip_error_max"] < 0.5 * far
 
 
+def test_a_reference_with_missing_samples_where_they_are_allowed(tmp_path: Path) -> None:
+    arm = stiff_arm()
+    path = write(arm, tmp_path / "stiff.toml")
+    lengths = np.array([arm.static_lengths(np.full(6, p)) for p in np.linspace(1.3e5, 1.4e5, 5)])
+    lengths[2, 1] = np.nan
+    names = [f"q{i}{k} [m]" for i in (1, 2) for k in (1, 2, 3)]
+    columns = {"t [s]": np.linspace(0.0, 4.0, 5), **dict(zip(names, lengths.T, strict=True))}
+    options = ["--reference", csv(tmp_path / "q.csv", columns), "--period", "0.01", "--controller", "full"]
+    assert control(path, *options).exit_code != 0
+    result = control(path, *options, "--missing", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.output)["out_of_reach"] is None
+
+
 def test_what_is_out_of_reach_is_said(tmp_path: Path) -> None:
     """An arm that bends in a plane, on a circle."""
     pytest.importorskip("matplotlib")

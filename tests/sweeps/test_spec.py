@@ -71,6 +71,7 @@ MASS = {"what": "section.1.mass", "distribution": "uniform", "low": 0.5, "high":
         ({"input": {"pressures": [1e5, 1e5]}}, "input.pressures: found 2 numbers; allowed: 3"),
         ({"input": {"pressures": [1e5, 1e5, -1.0]}}, r"input.pressures: found .*; allowed: a list of numbers >= 0"),
         ({"input": {"logs": ["none.csv"]}}, "none.csv"),
+        ({"input": {"pressures": [1e5] * 3, "log_missing": True}}, "log_missing: found true; allowed: only with logs"),
         ({"initial": {"lengths": [0.1, 0.1, 0.1], "pressures": [1e5] * 3}}, "initial: found both"),
         ({"initial": {"lengths": [0.1] * 6}}, "lengths: found 6 numbers; allowed: 3"),
         ({"simulation": {}}, "simulation: duration: missing"),
@@ -119,6 +120,21 @@ def test_paths_start_at_the_folder_of_the_file(tmp_path: Path, monkeypatch: pyte
     assert plan.arm.name == "one section"
     with pytest.raises(bha.ParameterError, match=r"duration: found 0.2; \"run.csv\" has 0.1 s; allowed: at most that"):
         bha.sweeps.make_plan(toml(mapping | {"simulation": {"duration": 0.2}}, path))
+
+
+def test_missing_samples_of_a_log_where_they_are_allowed(tmp_path: Path) -> None:
+    write_log(tmp_path / "run.csv", 0.1, seed=0)
+    lines = (tmp_path / "run.csv").read_text().splitlines()
+    with_gap = [f"{line},{'q11 [m]' if k == 0 else '' if k == 2 else '0.2'}" for k, line in enumerate(lines)]
+    (tmp_path / "gap.csv").write_text("\n".join(with_gap) + "\n")
+    mapping = spec(tmp_path, input={"logs": [str(tmp_path / "gap.csv")]}, initial={})
+    with pytest.raises(bha.LogError):
+        bha.sweeps.make_plan(mapping)
+    allowed = mapping | {"input": {**mapping["input"], "log_missing": True}}
+    assert len(bha.sweeps.make_plan(allowed).inputs) == 1
+    assert bha.sweeps.SweepSpec.from_mapping(mapping).with_missing().input.log_missing
+    with pytest.raises(bha.InputError, match="the sweep has none"):
+        bha.sweeps.SweepSpec.from_mapping(spec(tmp_path)).with_missing()
 
 
 def test_results_follow_from_the_fingerprint(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from bha import names
@@ -25,6 +26,7 @@ from bha.cli.common import (
     say,
 )
 from bha.cli.common import table as new_table
+from bha.cli.logs import missing_option
 from bha.control.controller import Controller
 from bha.control.controllers import (
     FeedbackLinearization,
@@ -79,6 +81,7 @@ _MOST_NAMED = 3
                    "its name added.")  # fmt: skip
 @click.option("--plot", metavar="FIGURE", type=click.Path(path_type=Path, dir_okay=False),
               help="Figure of the tip's errors and paths: .pdf, .svg or .png.")  # fmt: skip
+@missing_option
 @json_option
 @reports_errors
 def control(
@@ -95,6 +98,7 @@ def control(
     period: float,
     out: Path | None,
     plot: Path | None,
+    missing: bool,
     as_json: bool,
 ) -> None:
     """Let controllers whose model is ARM lead a plant along a reference, and compare how they follow.
@@ -117,7 +121,7 @@ def control(
         with warnings.catch_warnings():
             # Said below, in the report.
             warnings.simplefilter("ignore", ReferenceWarning)
-            target = reference_of(arm, reference, radius, speed, period)
+            target = reference_of(arm, reference, radius, speed, period, missing=missing)
         reach = reachability(arm, target)
         for name in chosen:
             bar.update(task, description=name)
@@ -151,8 +155,10 @@ def _beside(path: Path, name: str) -> Path:
     return path.with_name(f"{stem}_{name}{dot}{extension}")
 
 
-def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period: float) -> Reference:
-    """The reference that the options ask for.
+def reference_of(
+    arm: Arm, kind: str, radius: float | None, speed: float, period: float, *, missing: bool = False
+) -> Reference:
+    """The reference that the options ask for; of a log with missing samples, where they are allowed, straight lines.
 
     Raises:
         InputError: neither a kind of reference nor a file, or a file without lengths.
@@ -164,9 +170,9 @@ def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period
     path = Path(kind)
     if not path.exists():
         raise InputError(f"reference: {kind!r} is neither circle nor move nor a file")
-    log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure)
+    log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure, missing=missing)
     log = _with_coordinates(arm, log, str(path))
-    lengths, heads = shown_by(arm, log, str(path))
+    lengths, heads = (_bridged(log.time, table) for table in shown_by(arm, log, str(path)))
     if np.all(np.isfinite(lengths)):
         return Reference.sampled(log.time, lengths, period=period)
     if np.all(np.isfinite(heads[:, -1])):
@@ -176,6 +182,16 @@ def reference_of(arm: Arm, kind: str, radius: float | None, speed: float, period
         f"{path}: a reference needs the lengths of all sections of {arm.name} (q11 to q{count}3, or qv11 ...) "
         f"or the positions of the last head (x{count}, y{count}, z{count}); found {', '.join(log.columns)}"
     )
+
+
+def _bridged(time: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A table (m, ...) with straight lines where a column has no value for a while; columns without any stay so."""
+    flat = table.reshape(len(table), -1).copy()
+    for column in flat.T:
+        known = np.isfinite(column)
+        if known.any():
+            column[~known] = np.interp(time[~known], time[known], column[known])
+    return flat.reshape(table.shape)
 
 
 def _with_coordinates(arm: Arm, log: Log, origin: str) -> Log:

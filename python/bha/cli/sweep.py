@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 from bha.cli.common import INTERRUPTED, console, json_option, print_json, progress_bar, reports_errors, say, table
+from bha.cli.logs import missing_option
 from bha.errors import FileError, InputError
-from bha.sweeps import Summary, summarize
+from bha.sweeps import Summary, SweepSpec, summarize
 from bha.sweeps import sweep as run_sweep
 
 
@@ -18,9 +19,10 @@ from bha.sweeps import sweep as run_sweep
               help="Folder for the results; in the current folder, named like SPEC, if left out.")  # fmt: skip
 @click.option("--threads", type=click.IntRange(min=1), help="Number of threads; all processors if left out.")
 @click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, tcp://host:8786.")
+@missing_option
 @json_option
 @reports_errors
-def sweep(spec: Path, out: Path | None, threads: int | None, dask: str | None, as_json: bool) -> None:
+def sweep(spec: Path, out: Path | None, threads: int | None, dask: str | None, missing: bool, as_json: bool) -> None:
     """Run the sweep that the file SPEC says (schema bha-sweep/1), or what is missing of it.
 
     The folder gets sweep.json and part-000000.parquet and so on, each partition whole or not at all. After Ctrl-C or
@@ -39,7 +41,8 @@ def sweep(spec: Path, out: Path | None, threads: int | None, dask: str | None, a
                     started = True
                 bar.update(task, completed=done)
 
-            found = run_sweep(spec, folder, threads=threads, dask=dask, progress=tell)
+            read = SweepSpec.read(spec).with_missing() if missing else spec
+            found = run_sweep(read, folder, threads=threads, dask=dask, progress=tell)
     except KeyboardInterrupt:
         _interrupted(folder)
     if as_json:

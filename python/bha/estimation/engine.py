@@ -190,6 +190,7 @@ class Model:
             head_orientations=any(rec.observation.needs_orientations for rec in self.records),
             measured=True,
             threads=self.threads,
+            warn=False,
         )
         seen: dict[tuple[int, int], Observation] = {}
         outputs = []

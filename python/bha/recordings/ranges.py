@@ -91,6 +91,18 @@ class LengthExtremes:
         if text is not None:
             warnings.warn(text, LogWarning, stacklevel=stacklevel + 1)
 
+    def worst(self) -> tuple[str, float, tuple[float, float]]:
+        """The coordinate furthest outside of its limits: name, value, m, and limits, m."""
+        limits = np.repeat([s.length_range for s in self._arm.parameters.sections], 3, axis=0).T
+        out = np.array([limits[0] - self._values[0], self._values[1] - limits[1]])
+        side, k = np.unravel_index(int(np.argmax(out)), out.shape)
+        own = self._arm.parameters.sections[int(k) // 3].length_range
+        return self._name(int(k)), float(self._values[side, k]), (float(own[0]), float(own[1]))
+
+    def _name(self, k: int) -> str:
+        name_of = names.length_name if self._arm.parameters.has_standard_bellows else names.coordinate_name
+        return name_of(k // 3 + 1, k % 3 + 1)
+
     def text(self) -> str | None:
         """What is to be said of a run that leaves its limits: the first channel, how far, and the others.
 
@@ -99,12 +111,9 @@ class LengthExtremes:
         if self._first is None:
             return None
         said = []
-        name_of = names.length_name if self._arm.parameters.has_standard_bellows else names.coordinate_name
         for k in range(self._values.shape[1]):
             limits = np.array([self._arm.parameters.sections[k // 3].length_range])
-            said += excursions(
-                self._time[:, k], self._values[:, [k]], limits, [name_of(k // 3 + 1, k % 3 + 1)], "m", self._first
-            )
+            said += excursions(self._time[:, k], self._values[:, [k]], limits, [self._name(k)], "m", self._first)
         if not said:
             return None
         others = [text.partition(" ")[0] for text in said[1:]]
@@ -113,6 +122,34 @@ class LengthExtremes:
             f"the simulated {said[0]} by length_range of {self._arm.name}{more}: the model is not meant for such "
             "lengths; are the pressures right?"
         )
+
+
+def members_beyond(arms: Sequence[Arm], lengths: Array, counted: NDArray[np.bool_]) -> str | None:
+    """What is to be said of members of a batch whose lengths leave their arm's limits; None where none does.
+
+    Args:
+        arms: of each member.
+        lengths: coordinates, m, shape (members, rows, 3n); NaN where a member has no row.
+        counted: which members are looked at, shape (members,).
+    """
+    limits = {id(arm): np.repeat([s.length_range for s in arm.parameters.sections], 3, axis=0) for arm in arms}
+    low, high = np.moveaxis(np.array([limits[id(arm)] for arm in arms]), 2, 0)
+    with np.errstate(invalid="ignore"):
+        least = np.fmin.reduce(lengths, axis=1) < low - TOLERANCE * (high - low)
+        most = np.fmax.reduce(lengths, axis=1) > high + TOLERANCE * (high - low)
+    beyond = np.flatnonzero(np.any(least | most, axis=1) & counted)
+    if not len(beyond):
+        return None
+    first = int(beyond[0])
+    extremes = LengthExtremes(arms[first])
+    known = np.all(np.isfinite(lengths[first]), axis=1)
+    extremes.add(np.flatnonzero(known).astype(np.float64), lengths[first][known])
+    name, value, limit = extremes.worst()
+    return (
+        f"simulated lengths of {len(beyond)} of {len(arms)} members leave length_range (the first: member {first}, "
+        f"{name} of {arms[first].name} at {value:.4g} m, permitted are {limit[0]:g} to {limit[1]:g} m): the model is "
+        "not meant for such lengths; are the pressures right?"
+    )
 
 
 def excursions(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
@@ -11,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.arrays import floats
-from bha.errors import BhaError, InputError
+from bha.errors import BhaError, InputError, LogWarning
 from bha.logs import Log
 from bha.recordings import Recording
+from bha.recordings.ranges import members_beyond
 from bha.runs.input import Input, Interpolation
 from bha.runs.options import Method, Options
 from bha.runs.rows import check_room
@@ -87,6 +89,7 @@ def simulate_batch(
     threads: int | None = None,
     instruction_set: InstructionSet | None = None,
     progress: Callable[[float], None] | None = None,
+    warn: bool = True,
 ) -> Batch:
     """Simulate many arms, inputs, initial states or windows of a log, over all cores.
 
@@ -126,12 +129,16 @@ def simulate_batch(
         instruction_set: what computes members abreast: ``"scalar"`` (one after the other), ``"neon"``, ``"avx2"`` (4)
             or ``"avx512"`` (8); the widest one of this processor if None.
         progress: called about 20 times a second with the fraction of members done.
+        warn: whether to warn, once, of members whose lengths leave the ``length_range`` of their arm.
 
     Returns:
         The members' rows, NaN and a status for those that failed.
 
     Raises:
         InputError: arguments that do not fit together or are not allowed. Failures of single members raise nothing.
+
+    Warns:
+        LogWarning: lengths leave the ``length_range`` of an arm, with how many members do.
     """
     arm_list = [arms] if not isinstance(arms, Sequence) else list(arms)
     input_list = list(inputs) if isinstance(inputs, Sequence) else [inputs]
@@ -189,6 +196,12 @@ def simulate_batch(
         instruction_set=instruction_set,
         progress=progress,
     )
+    if warn:
+        # Those that failed say so themselves.
+        ended = np.array([failure is None for failure in out.failures])
+        text = members_beyond([unique_arms[k] for k in arm_index], out.lengths, ended)
+        if text is not None:
+            warnings.warn(text, LogWarning, stacklevel=2)
     heads, orientations = out.head_positions, out.head_orientations
     return Batch(
         time=rows[..., : out.lengths.shape[1]],

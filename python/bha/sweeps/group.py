@@ -122,6 +122,7 @@ def _simulate(
         threads=1,
         instruction_set=plan.instruction_set,
         progress=watch,
+        warn=False,
     )
 
 

@@ -208,7 +208,7 @@ def _recordings(spec: SweepSpec, arm: Arm) -> list[Recording]:
     for name, path in zip(spec.input.logs or (), paths, strict=True):
         if not os.path.exists(path):
             raise spec.fault(("input", "logs"), f"found {shown(name)}; allowed: files that exist (from {spec.folder})")
-    return recordings(arm, paths, pressures=spec.input.log_pressures)
+    return recordings(arm, paths, pressures=spec.input.log_pressures, missing=spec.input.log_missing)
 
 
 def _inputs(spec: SweepSpec, arm: Arm, recorded: Sequence[Recording]) -> tuple[tuple[Input, ...], list[str]]:

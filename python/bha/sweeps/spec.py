@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
-from bha.errors import ParameterError
+from bha.errors import InputError, ParameterError
 from bha.parameters import messages
 from bha.parameters.base import NotNegative, Number, Positive, Table, key, nearest, table_error
 from bha.recordings import PressureSort
@@ -45,6 +45,9 @@ class InputTable(Table):
         "are any",
         default=None,
     )
+    log_missing: Annotated[bool, Field(strict=True)] = key(
+        "true or false: take NaN and empty cells of measured outputs of the logs as missing samples", default=False
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -55,6 +58,8 @@ class InputTable(Table):
             raise table_error(f"found {list(self.logs)}; allowed: each log once", "logs")
         if self.logs is None and self.log_pressures is not None:
             raise table_error(f'found "{self.log_pressures}"; allowed: only with logs', "log_pressures")
+        if self.logs is None and self.log_missing:
+            raise table_error("found true; allowed: only with logs", "log_missing")
         return self
 
 
@@ -168,6 +173,16 @@ class SweepSpec(Table):
         for variable in self.variables:
             count *= len(self.input.logs or ()) if variable.values is None and variable.is_text else levels(variable)
         return count
+
+    def with_missing(self) -> Self:
+        """The same sweep with missing samples allowed in the outputs of its logs.
+
+        Raises:
+            InputError: it has no logs.
+        """
+        if self.input.logs is None:
+            raise InputError("missing samples are those of logs; the sweep has none")
+        return self.model_copy(update={"input": self.input.model_copy(update={"log_missing": True})})
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
