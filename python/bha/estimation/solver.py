@@ -145,6 +145,11 @@ class Normal:
         gain = np.linalg.solve(h_state, self.h_mixed)
         return h - np.einsum("wsp,wsq->pq", self.h_mixed, gain), self.g - np.einsum("wsp,ws->p", gain, self.g_state)
 
+    def after(self, dz: Array, states: Array) -> tuple[Array, Array]:
+        """Right-hand sides once a step has been taken, were the model linear: shapes (p,) and (windows, 6n)."""
+        g = self.g - self.h @ dz - np.einsum("wsp,ws->p", self.h_mixed, states)
+        return g, self.g_state - self.h_mixed @ dz - np.einsum("wst,wt->ws", self.h_state, states)
+
     def state_steps(self, dz: Array, damping: float = 0.0) -> Array:
         """Steps of the initial states that belong to a step of the parameters, shape (windows, 6n)."""
         h_state = self.h_state.copy()
@@ -317,23 +322,26 @@ def solve(
 def _tried(problem: Problem, normal: Normal, best: Point, bounds: Array, damping: float) -> Point:
     """The point a damped step leads to, bent along the valley where the straight step misses what it promised.
 
-    In a curved valley a step along it climbs its sides. What is left there, projected back by the same derivatives and
-    hardly damped, is the second-order term of the path (geodesic acceleration, Transtrum and Sethna 2012): it leads
-    back to the bottom without another linearization.
+    In a curved valley a step along it climbs its sides. What is left there beyond what a linear model would leave is
+    projected back by the same derivatives, hardly damped: the second-order term of the path (geodesic acceleration,
+    Transtrum and Sethna 2012), which leads back to the bottom without another linearization.
     """
     z, states = _step(normal, best, bounds, damping)
-    promised = float(normal.g @ (z - best.z) + np.sum(normal.g_state * (states - best.states)))
-    trial, again = problem.there(normal, z, states)
-    lowest, size = trial, float(np.linalg.norm(z - best.z))
+    dz, moved = z - best.z, states - best.states
+    promised = float(normal.g @ dz + np.sum(normal.g_state * moved))
+    g, g_state = normal.after(dz, moved)
+    trial, there = problem.there(normal, z, states)
+    lowest, size = trial, float(np.linalg.norm(dz))
     for _ in range(_BENDS):
-        if again is None or best.cost - lowest.cost > _KEPT * promised:
+        if there is None or best.cost - lowest.cost > _KEPT * promised:
             break
-        z, states = _step(again, trial, bounds, _LEAST_DAMPING)
+        beyond = replace(there, g=there.g - g, g_state=there.g_state - g_state)
+        z, states = _step(beyond, trial, bounds, _LEAST_DAMPING)
         bend = float(np.linalg.norm(z - trial.z))
         # A correction as long as what it corrects is none.
         if bend > _SHORTER * size:
             break
-        trial, again = problem.there(normal, z, states)
+        trial, there = problem.there(normal, z, states)
         lowest, size = min(lowest, trial, key=lambda point: point.cost), bend
     return lowest
 
