@@ -40,7 +40,7 @@ kernel! {
                 loads[i].on_arc += bending::on_arc(section, link.arc);
             }
             if let Some(a) = &section.axial {
-                loads[i].on_arc += axial::on_arc(a, (set.axial, set.damping), (link.arc, link.rate));
+                axial::add(a, (set.axial, set.damping), link, &mut loads[i]);
             }
             if set.gravity {
                 loads[i].on_head.add(weight(section.mass, body.gravity, link));
@@ -56,10 +56,9 @@ kernel! {
         }
         if set.external
             && let Some(External { wrenches, .. }) = outside
+            && !wrenches.is_empty()
         {
-            for wrench in wrenches {
-                external::add(body, links, wrench, loads);
-            }
+            external::add(body, links, wrenches, loads);
         }
     }
 }

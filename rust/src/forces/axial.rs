@@ -5,26 +5,31 @@
 //! Form: F = -F_axial(l - l_0) - d l', F_axial a polynomial as that of the bellows. Sign: resists. It works on l alone,
 //! whichever the force model: an axial force has no lever.
 
-use super::spring;
+use super::{Load, spring};
 use crate::body::Axial;
-use crate::real::Real;
+use crate::kinematics::chain::Link;
 use crate::real::linear::Vec3;
+use crate::real::{Real, kernel};
 
-/// Generalized force on (u, v, l), of the spring and the damper or one of them.
-#[inline(always)]
-pub(crate) fn on_arc<T: Real>(
-    axial: &Axial<T>,
-    (stiff, damped): (bool, bool),
-    (arc, rate): (Vec3<T>, Vec3<T>),
-) -> Vec3<T> {
-    let mut force = T::zero();
-    if stiff {
-        force -= spring::force(&axial.stiffness[..axial.stiffness_terms], arc.z() - axial.rest_length);
+kernel! {
+    /// Adds the spring and the damper, or one of them, to a section's load. Out of line: sections that have none run past
+    /// a call.
+    pub(crate) fn add<'a, T>(
+        axial: &'a Axial<T>,
+        which: (bool, bool),
+        link: &'a Link<T>,
+        load: &'a mut Load<T>,
+    ) {
+        let (stiff, damped) = which;
+        let mut force = T::zero();
+        if stiff {
+            force -= spring::force(&axial.stiffness[..axial.stiffness_terms], link.arc.z() - axial.rest_length);
+        }
+        if damped {
+            force = axial.damping.neg_mul_add(link.rate.z(), force);
+        }
+        load.on_arc += Vec3([T::zero(), T::zero(), force]);
     }
-    if damped {
-        force = axial.damping.neg_mul_add(rate.z(), force);
-    }
-    Vec3([T::zero(), T::zero(), force])
 }
 
 /// Energy of the spring, J.

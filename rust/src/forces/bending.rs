@@ -7,8 +7,8 @@
 //! Besides the moment along the bend there is then dU/dphi, which turns the bend towards the plane of less stiffness.
 
 use crate::body::{BendingPlanes, Section};
-use crate::real::Real;
 use crate::real::linear::Vec3;
+use crate::real::{Real, kernel};
 
 /// Generalized force -dU_bend/d(u, v, l).
 #[inline(always)]
@@ -16,11 +16,11 @@ pub(crate) fn on_arc<T: Real>(section: &Section<T>, arc: Vec3<T>) -> Vec3<T> {
     let [u, v, _] = arc.0;
     let [k1, k3] = section.bending_stiffness;
     let k = -(k1 + k3 * (u * u + v * v));
-    let force = Vec3([k * u, k * v, T::zero()]);
-    match &section.bending_planes {
-        None => force,
-        Some(planes) => force - beyond_mean(planes, u, v),
+    let mut force = Vec3([k * u, k * v, T::zero()]);
+    if let Some(planes) = &section.bending_planes {
+        beyond_mean(planes, u, v, &mut force);
     }
+    force
 }
 
 /// (d cos 2 alpha, d sin 2 alpha) as the symmetric matrix without trace that it stands for, times (u, v).
@@ -29,12 +29,14 @@ fn times<T: Real>([c, s]: [T; 2], u: T, v: T) -> [T; 2] {
     [c * u + s * v, s * u - c * v]
 }
 
-/// dU/d(u, v, l) of what planes differ by.
-#[inline(always)]
-fn beyond_mean<T: Real>(planes: &BendingPlanes<T>, u: T, v: T) -> Vec3<T> {
-    let (linear, cubic) = (times(planes.linear, u, v), times(planes.cubic, u, v));
-    let (s, form) = (u * u + v * v, u * cubic[0] + v * cubic[1]);
-    Vec3([linear[0] + (cubic[0] * s + form * u) * 0.5, linear[1] + (cubic[1] * s + form * v) * 0.5, T::zero()])
+kernel! {
+    /// Takes dU/d(u, v, l) of what planes differ by from `force`. Out of line, where arms without planes do not go.
+    fn beyond_mean<'a, T>(planes: &'a BendingPlanes<T>, u: T, v: T, force: &'a mut Vec3<T>) {
+        let (linear, cubic) = (times(planes.linear, u, v), times(planes.cubic, u, v));
+        let (s, form) = (u * u + v * v, u * cubic[0] + v * cubic[1]);
+        let slope = [linear[0] + (cubic[0] * s + form * u) * 0.5, linear[1] + (cubic[1] * s + form * v) * 0.5];
+        *force -= Vec3([slope[0], slope[1], T::zero()]);
+    }
 }
 
 /// U_bend, J.

@@ -10,8 +10,8 @@ use super::{Load, Wrench, act_along};
 use crate::body::Body;
 use crate::kinematics::chain::Link;
 use crate::kinematics::point::{Point, motion};
-use crate::real::Real;
 use crate::real::linear::Vec3;
+use crate::real::{Real, kernel};
 
 /// A force and a moment at a point of the arm.
 #[derive(Clone, Copy, Debug)]
@@ -49,15 +49,23 @@ impl<'a, T> External<'a, T> {
     }
 }
 
-/// Adds a wrench to the loads of its section and of the one below.
-pub(crate) fn add<T: Real>(body: &Body<T>, links: &[Link<T>], w: &PointWrench<T>, loads: &mut [Load<T>]) {
-    let i = w.point.section;
-    let (position, own) = motion(body, links, &w.point);
-    let mut wrench = Wrench::at(position, w.force);
-    wrench.torque += w.moment;
-    let Some(own) = own else {
-        loads[i].on_head.add(wrench);
-        return;
-    };
-    act_along(i, &own, wrench, loads);
+kernel! {
+    /// Adds wrenches to the loads of their sections and of those below. Out of line, where arms without them do not go.
+    pub(crate) fn add<'a, T>(
+        body: &'a Body<T>,
+        links: &'a [Link<T>],
+        wrenches: &'a [PointWrench<T>],
+        loads: &'a mut [Load<T>],
+    ) {
+        for w in wrenches {
+            let i = w.point.section;
+            let (position, own) = motion(body, links, &w.point);
+            let mut wrench = Wrench::at(position, w.force);
+            wrench.torque += w.moment;
+            match own {
+                None => loads[i].on_head.add(wrench),
+                Some(own) => act_along(i, &own, wrench, loads),
+            }
+        }
+    }
 }

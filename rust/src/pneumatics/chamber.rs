@@ -17,8 +17,8 @@ use crate::body::AreaChange;
 use crate::body::Body;
 use crate::forces::{length, volume};
 use crate::kinematics::coordinates::arc_from_lengths;
-use crate::real::Real;
 use crate::real::linear::Vec3;
+use crate::real::{Real, kernel};
 
 /// Specific gas constant of air, J/(kg K).
 pub const GAS_CONSTANT: f64 = 287.05;
@@ -149,13 +149,23 @@ impl<T: Real> Air<T> {
         if !self.walls_give {
             return pressure_from(self.exponent, (p, m_0, v_0.at_ambient), (m, v.at_ambient));
         }
-        let start = (p, m_0, v_0.at(p - self.ambient));
+        let mut out = p;
+        giving(*self, before, now, &mut out);
+        out
+    }
+}
+
+kernel! {
+    /// The same where walls give way. Out of line, where others do not go.
+    fn giving<'a, T>(air: Air<T>, before: (T, T, Volume<T>), now: (T, Volume<T>), out: &'a mut T) {
+        let ((p, m_0, v_0), (m, v)) = (before, now);
+        let start = (p, m_0, v_0.at(p - air.ambient));
         let (mut found, mut step, mut more) = (p, p, true);
         for _ in 0..MOST_STEPS {
-            let volume = v.at(found - self.ambient);
+            let volume = v.at(found - air.ambient);
             // Of this air in the volume that the walls have at the pressure found so far.
-            let expected = pressure_from(self.exponent, start, (m, volume));
-            step = (expected - found) / (self.exponent * expected * v.by_pressure / volume + 1.0);
+            let expected = pressure_from(air.exponent, start, (m, volume));
+            step = (expected - found) / (air.exponent * expected * v.by_pressure / volume + 1.0);
             found += step;
             if !more {
                 break;
@@ -163,7 +173,7 @@ impl<T: Real> Air<T> {
             // Once more where it is found to half of the digits: derivatives come one step later.
             more = (step.abs() - found.abs() * 1e-9).largest() > 0.0;
         }
-        T::select(step.abs() - found.abs() * 1e-9, T::from_f64(f64::NAN), found)
+        *out = T::select(step.abs() - found.abs() * 1e-9, T::from_f64(f64::NAN), found);
     }
 }
 
