@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 KIND = "bending_damping"
 #: Ratio and difference, s, of the two lags from which they count as apart. Under commands both hold the pressures' lag.
-_RATIO, _DIFFERENCE = 1.15, 0.03
+_RATIO, _DIFFERENCE = 1.03, 0.03
 #: Greatest and least bending damping, N m s/rad, and the deviation of its prior as a logarithm.
 _GREATEST, _LEAST, _DEVIATION = 100.0, 1e-7, math.log(30.0)
 _STEP = 1e-5
