@@ -2,102 +2,152 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from bha.experiments.fig10 import SHOWN
 from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.experiments.procedures import fit_oscillation, lateral, simulated_swing, swing_from_release
+from bha.experiments.procedures import Oscillation, fit_oscillation, lateral, simulated_swing, swing_from_release
+from bha.experiments.tilts import ALONG, AT_HEADS, CENTRAL, SPREAD
 from bha.runs.input import Input
 
+Array = NDArray[np.float64]
+Curve = tuple[Array, Array]
 
-def run(lab: Laboratory) -> Outcome:
-    """A swing that the damping was not identified from."""
+
+@dataclass(frozen=True)
+class _Swing:
+    """One arm's swing and the models beside it.
+
+    Attributes:
+        deflection: label to times and lateral deflections of the heads, m.
+        lengths: label to times and lengths, m.
+        found: the tool's oscillation by label.
+        error: RMS distance of each model's tool from the measured one, m.
+        apart: that of the full from the reduced model, m.
+    """
+
+    deflection: Mapping[str, Curve]
+    lengths: Mapping[str, Curve]
+    found: Mapping[str, Oscillation]
+    error: Mapping[str, float]
+    apart: float
+
+    def off(self, model: str) -> float:
+        """How far a model's frequency is from the measured one, relative; negative where it is too low."""
+        return self.found[model].frequency / self.found["measured"].frequency - 1
+
+
+def _swing(lab: Laboratory) -> _Swing:
     release, log = lab.second_swing
     start, free = swing_from_release(lab.identified, log, release)
     time = free.time - free.time[0]
-    lengths = free.lengths
     drive = Input.constant(free.pressures.mean(axis=0), float(time[-1]))
-
     deflection = {"measured": (time, lateral(lab.identified, free))}
-    shown = {"measured": (time, lengths)}
-    models = {
-        "full model": lab.identified,
-        "reduced model": lab.reduced,
-        "full model, mass at the sections' centres": lab.balanced.arm,
-    }
+    lengths = {"measured": (time, free.lengths)}
+    models = {"full": lab.identified, "reduced": lab.reduced, CENTRAL: lab.balanced.arm, SPREAD: lab.spread.arm}
     for label, arm in models.items():
         t, x, q = simulated_swing(arm, drive, start)
-        deflection[label], shown[label] = (t, x), (t, q)
-    found = {label: fit_oscillation(t, x[:, -1]) for label, (t, x) in deflection.items()}
-    common = deflection["full model"][0]
+        deflection[label], lengths[label] = (t, x), (t, q)
+    common = deflection["full"][0]
     tool = {label: np.interp(common, t, x[:, -1]) for label, (t, x) in deflection.items()}
-    error = {k: float(np.sqrt(np.mean((x - tool["measured"]) ** 2))) for k, x in tool.items() if k != "measured"}
-    apart = float(np.sqrt(np.mean((tool["full model"] - tool["reduced model"]) ** 2)))
-    measured = found["measured"]
-    off = {k: abs(found[k].frequency / measured.frequency - 1) for k in error}
-    central = "full model, mass at the sections' centres"
-    worst = max(off["full model"], off["reduced model"])
-    drawn = [label for label in deflection if label != central]
-    amplitude = measured.amplitude
-    rows_of_table = [
-        [
-            label,
-            f"{o.frequency:.3f}",
-            f"{1e3 * o.amplitude:.0f}",
-            f"{o.damping_ratio:.3f}",
-            f"{1e3 * error[label]:.1f}" if label in error else "",
-        ]
-        for label, o in found.items()
+    return _Swing(
+        deflection,
+        lengths,
+        {label: fit_oscillation(t, x[:, -1]) for label, (t, x) in deflection.items()},
+        {label: float(np.sqrt(np.mean((tool[label] - tool["measured"]) ** 2))) for label in models},
+        float(np.sqrt(np.mean((tool["full"] - tool["reduced"]) ** 2))),
+    )
+
+
+def _claims(where: str, swing: _Swing) -> list[Claim]:
+    """The paper's two claims, on one arm."""
+    found, measured = swing.found, swing.found["measured"]
+    worst = max(abs(swing.off("full")), abs(swing.off("reduced")))
+    return [
+        Claim(
+            f"frequency, amplitude and damping of the tool match during the large oscillations ({where})",
+            f"frequency {100 * swing.off('full'):+.1f} % (full) and {100 * swing.off('reduced'):+.1f} % (reduced) off, "
+            f"damping ratio {found['full'].damping_ratio:.3f} and {found['reduced'].damping_ratio:.3f} against "
+            f"{measured.damping_ratio:.3f}",
+            worst < 0.05,
+        ),
+        Claim(
+            f"full and reduced model describe the motion alike ({where})",
+            f"{1e3 * swing.error['full']:.1f} and {1e3 * swing.error['reduced']:.1f} mm RMS from the measurement, "
+            f"{1e3 * swing.apart:.1f} mm RMS apart, of {1e3 * measured.amplitude:.0f} mm",
+            swing.apart < 0.2 * measured.amplitude,
+        ),
+    ]
+
+
+def run(lab: Laboratory) -> Outcome:
+    """A swing that the damping was not identified from, of the arm with its mass at the heads, and along its arcs."""
+    cases = {AT_HEADS: _swing(lab.lumped), ALONG: _swing(lab)}
+    spread = cases[ALONG]
+    off = abs(spread.off(SPREAD))
+    claims = [claim for where, swing in cases.items() for claim in _claims(where, swing)]
+    claims.append(
+        Claim(
+            "(ours) what is missing is the place of the mass: the paper puts it at the centre of the head",
+            f"with each section's mass along its arc the frequency is {100 * off:.1f} % off, and "
+            f"{1e3 * spread.error[SPREAD]:.1f} mm RMS are left",
+            off < 0.5 * abs(spread.off("full")),
+        )
+    )
+    drawn = ("measured", "full", "reduced")
+    tables = [
+        Table(
+            ["", "frequency [Hz]", "greatest deflection [mm]", "damping ratio", "RMS error [mm]"],
+            [_row(label, o, swing.error.get(label)) for label, o in swing.found.items()],
+            f"The tool's oscillation, {where}.",
+        )
+        for where, swing in cases.items()
     ]
     return Outcome(
         "fig14",
         "Fig. 14: lateral swing, full and reduced model",
         "A second swing, from a smaller force than the one the damping was identified from. The models start from the "
-        "lengths measured at the release, at rest; deflections are counted from where each comes to rest.",
-        [
-            Claim(
-                "frequency, amplitude and damping of the tool match during the large oscillations",
-                f"frequency {100 * off['full model']:.0f} % (full) and {100 * off['reduced model']:.0f} % (reduced) "
-                f"too low, damping ratio {found['full model'].damping_ratio:.3f} and "
-                f"{found['reduced model'].damping_ratio:.3f} against {measured.damping_ratio:.3f}",
-                worst < 0.05,
-            ),
-            Claim(
-                "(ours) what is missing is the place of the mass: the paper puts it at the centre of the head",
-                f"with each section's mass at its centre of mass the frequency is {100 * off[central]:.1f} % off, and "
-                f"{1e3 * error[central]:.1f} mm RMS are left",
-                off[central] < 0.5 * off["full model"],
-            ),
-            Claim(
-                "full and reduced model describe the motion alike",
-                f"{1e3 * error['full model']:.1f} and {1e3 * error['reduced model']:.1f} mm RMS from the measurement, "
-                f"{1e3 * apart:.1f} mm RMS apart, of {1e3 * amplitude:.0f} mm",
-                apart < 0.2 * amplitude,
-            ),
-        ],
+        "lengths measured at the release, at rest; deflections are counted from where each comes to rest. Measured on "
+        "the two arms of Fig. 13, with each section's mass in its head and along its arc.",
+        claims,
         {
-            "fig14": (
-                swing_figure({k: deflection[k] for k in drawn}, {k: shown[k] for k in drawn}, SHOWN),
+            stem: (
+                swing_figure({k: swing.deflection[k] for k in drawn}, {k: swing.lengths[k] for k in drawn}, SHOWN),
                 "Lateral deflection of the heads and a selection of bellows lengths: measured (solid), full model "
-                "(dotted), reduced model (dashed).",
+                f"(dotted), reduced model (dashed); {where}.",
             )
+            for stem, (where, swing) in zip(("fig14_at_heads", "fig14"), cases.items(), strict=True)
         },
-        [
-            Table(
-                ["", "frequency [Hz]", "greatest deflection [mm]", "damping ratio", "RMS error [mm]"],
-                rows_of_table,
-                "The tool's oscillation.",
-            )
-        ],
+        tables,
         {
-            "frequency": measured.frequency,
-            "worst_frequency": worst,
-            "central_frequency": off[central],
-            "full_error": error["full model"],
-            "reduced_error": error["reduced model"],
-            "apart": apart,
-            "amplitude": amplitude,
+            f"{prefix}{key}": value
+            for prefix, swing in (("at_heads_", cases[AT_HEADS]), ("", spread))
+            for key, value in {
+                "frequency": swing.found["measured"].frequency,
+                "full_frequency_off": swing.off("full"),
+                "reduced_frequency_off": swing.off("reduced"),
+                "spread_frequency_off": swing.off(SPREAD),
+                "full_error": swing.error["full"],
+                "reduced_error": swing.error["reduced"],
+                "spread_error": swing.error[SPREAD],
+                "apart": swing.apart,
+                "amplitude": swing.found["measured"].amplitude,
+            }.items()
         },
     )
+
+
+def _row(label: str, found: Oscillation, error: float | None) -> list[str]:
+    return [
+        label,
+        f"{found.frequency:.3f}",
+        f"{1e3 * found.amplitude:.0f}",
+        f"{found.damping_ratio:.3f}",
+        "" if error is None else f"{1e3 * error:.1f}",
+    ]

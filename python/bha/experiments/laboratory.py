@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,14 @@ from numpy.typing import NDArray
 from bha import robots
 from bha.arm import Arm
 from bha.experiments import procedures, schedules
-from bha.experiments.virtual_arm import Schedule, VirtualArm
+from bha.experiments.virtual_arm import Body, Schedule, VirtualArm
 from bha.logs import Log
 from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+#: Masses that stand for what is spread along a section.
+PLACES = 3
 
 
 class Laboratory:
@@ -28,6 +32,7 @@ class Laboratory:
         seed: int = 2015,
         hold: float = 2.0,
         swing_time: float = 6.0,
+        body: Body | None = None,
         note: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Name the arm's seed and how long measurements take.
@@ -36,14 +41,31 @@ class Laboratory:
             seed: of the bellows' scatter and the sensors' noise.
             hold: how long each pose of the static measurements is held, s.
             swing_time: how long a swing is recorded, s.
+            body: in what the arm differs from the lumped model; as :class:`Body` has it if None.
             note: told what is being measured or identified.
         """
         self.design = robots.load("bha_nominal")
-        self.real = VirtualArm(self.design, seed=seed)
+        self.seed = seed
+        self.real = VirtualArm(self.design, body, seed=seed)
         self.hold, self.swing_time = hold, swing_time
         self.note = note
         #: Steps of the virtual arm's integration, s: creeping along in the static measurements, faster in the others.
         self.static_step, self.dynamic_step = 1e-3, 5e-4
+
+    @cached_property
+    def lumped(self) -> Laboratory:
+        """The same measurements of the arm as the paper has it: each section's mass in its head, all else alike."""
+        body = replace(self.real.body, plate_share=1.0)
+        note = self.note
+        other = Laboratory(
+            seed=self.seed,
+            hold=self.hold,
+            swing_time=self.swing_time,
+            body=body,
+            note=lambda text: note(f"{text} (mass at the heads)"),
+        )
+        other.static_step, other.dynamic_step = self.static_step, self.dynamic_step
+        return other
 
     @cached_property
     def even_elongation(self) -> tuple[Schedule, Log]:
@@ -81,14 +103,21 @@ class Laboratory:
     @cached_property
     def paper(self) -> Identified:
         """The model by section IV as it stands: the sections' mass at the centre of their heads."""
-        return Identified(self, [(0.0, 0.0, 0.0)] * self.design.section_count)
+        return Identified(self, [{}] * self.design.section_count)
 
     @cached_property
     def balanced(self) -> Identified:
         """The same with each section's mass at its centre of mass, as found by balancing it at its mean length."""
         spread = 1.0 - self.real.body.plate_share
         means = [sum(s.length_range) / 2 for s in self.design.parameters.sections]
-        return Identified(self, [(0.0, 0.0, -round(spread * mean / 2, 3)) for mean in means])
+        return Identified(self, [{"center_of_mass": [0.0, 0.0, -round(spread * mean / 2, 3)]} for mean in means])
+
+    @cached_property
+    def spread(self) -> Identified:
+        """The same with each section's mass where it lies: its head plate weighed, the rest in places along its arc."""
+        plate = self.real.body.plate_share
+        sections = self.design.parameters.sections
+        return Identified(self, [_spread(round(plate * s.mass, 3), round((1 - plate) * s.mass, 3)) for s in sections])
 
     @property
     def weighed(self) -> Arm:
@@ -124,18 +153,18 @@ class Laboratory:
 class Identified:
     """The steps of section IV, each from the one before and from the laboratory's measurements."""
 
-    def __init__(self, laboratory: Laboratory, centers_of_mass: Sequence[tuple[float, float, float]]) -> None:
-        """Start from the sections' ``centers_of_mass`` in their head frames, m."""
+    def __init__(self, laboratory: Laboratory, masses: Sequence[Mapping[str, Any]]) -> None:
+        """Start from where each section's mass lies: keys of its table that differ from a mass in its head."""
         self._laboratory = laboratory
-        self._centers = centers_of_mass
+        self._masses = masses
 
     @cached_property
     def weighed(self) -> Arm:
         """What is known before any pressure is applied: geometry, masses (weighed to 1 g), inertia by (56)."""
         unknown = {"inertia": None, "stiffness": [1.0], "damping": 0.0, "bending_stiffness": [0.0]}
         changes = [
-            unknown | {"mass": round(section.mass, 3), "center_of_mass": list(center)}
-            for section, center in zip(self._laboratory.design.parameters.sections, self._centers, strict=True)
+            unknown | {"mass": round(section.mass, 3), "center_of_mass": [0.0, 0.0, 0.0]} | lies
+            for section, lies in zip(self._laboratory.design.parameters.sections, self._masses, strict=True)
         ]
         return procedures.with_sections(self._laboratory.design, changes, "identified")
 
@@ -177,3 +206,9 @@ class Identified:
     def arm(self) -> Arm:
         """The arm after all of section IV."""
         return procedures.with_sections(self.undamped, [{"damping": d} for d in self.damping.damping], "identified")
+
+
+def _spread(plate: float, rest: float) -> dict[str, Any]:
+    """Keys of a section that weighs ``plate`` kg in its head and ``rest`` kg evenly along its arc."""
+    shares = (np.arange(PLACES) + 0.5) / PLACES
+    return {"mass": plate, "masses": [{"share": float(share), "mass": rest / PLACES} for share in shares]}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.experiments.virtual_arm import Schedule
 from bha.logs import Log
-from bha.parameters import ArmParameters
+from bha.parameters import ArmParameters, SectionParameters
 from bha.recordings import Recording
 from bha.runs.input import Input
 from bha.runs.trajectory import Trajectory
@@ -100,7 +100,7 @@ def steady_states(arm: Arm, log: Log, schedule: Schedule) -> tuple[Array, Array]
 def fit_stiffness(arm: Arm, log: Log, schedule: Schedule, order: int = 3) -> list[StiffnessFit]:
     """Section IV-C: F_spr = A_P (p - p_amb) plus a bellows' share of the weight below it; a curve through it."""
     pressures, lengths = steady_states(arm, log, schedule)
-    weight = arm.parameters.gravity[2] * np.cumsum([s.mass for s in arm.parameters.sections][::-1])[::-1]
+    weight = arm.parameters.gravity[2] * np.array(_hanging_masses(arm.parameters.sections))
     fits = []
     for i, section in enumerate(arm.parameters.sections):
         three = slice(3 * i, 3 * i + 3)
@@ -113,6 +113,17 @@ def fit_stiffness(arm: Arm, log: Log, schedule: Schedule, order: int = 3) -> lis
         around = curve.convert(domain=[-1, 1])(np.polynomial.Polynomial([rest, 1.0]))
         fits.append(StiffnessFit(length, force, float(rest), tuple(float(c) for c in around.coef[1:])))
     return fits
+
+
+def _hanging_masses(sections: Sequence[SectionParameters]) -> list[float]:
+    """What pulls at the bellows of each section, kg: a mass along it moves by its share of the section's elongation."""
+    above = 0.0
+    found = []
+    for section in reversed(sections):
+        own = section.mass + sum(mass.share * mass.mass for mass in section.masses)
+        found.append(above + own)
+        above += section.mass + sum(mass.mass for mass in section.masses)
+    return found[::-1]
 
 
 def fit_bending(arm: Arm, section: int, log: Log, schedule: Schedule) -> BendingFit:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 from bha.experiments.compare import greatest_tool_error, length_error, static_trajectory, tool_error, tool_travel
 from bha.experiments.figures import tilt_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
+from bha.runs.trajectory import Trajectory
 from bha.simulation.single import simulate
 
-#: The model beside the paper's: r_S where the section balances, not at the centre of its head.
-CENTRAL = "full, mass at the sections' centres"
+#: Models beside the paper's: r_S where the section balances, not at the centre of its head; masses along the section.
+CENTRAL, SPREAD = "full, mass at the sections' centres", "full, masses along the sections"
+#: The arms of Figs. 13 and 14: where the mass of their sections is.
+AT_HEADS, ALONG = "mass in the heads", "mass along the arcs"
 #: Every how many milliseconds the static models are solved and lines are drawn.
 STRIDE = 5
 
@@ -24,12 +30,12 @@ def fig12(lab: Laboratory) -> Outcome:
     travel = tool_travel(measured)
     errors = {"full": tool_error(full, measured), "reduced": tool_error(reduced, measured)}
     apart = tool_error(reduced, full)
-    balanced = simulate(lab.balanced.arm, log)
     models = {
         "full": full,
         "reduced": reduced,
         "full, `work_conjugate`": conjugate,
-        CENTRAL: balanced,
+        CENTRAL: simulate(lab.balanced.arm, log),
+        SPREAD: simulate(lab.spread.arm, log),
     }
     table = Table(
         ["model", "tool, RMS [mm]", "bellows lengths, RMS [mm]"],
@@ -71,72 +77,112 @@ def fig12(lab: Laboratory) -> Outcome:
 
 
 def fig13(lab: Laboratory) -> Outcome:
-    """Static models against the measurement."""
-    log = lab.tilting
-    measured = lab.measured(log)[::STRIDE]
-    arm = lab.identified
-    coupled = static_trajectory(arm, measured, lambda p, start: arm.static_lengths(p, start=start))
-    decoupled = static_trajectory(arm, measured, lambda p, _: arm.static_lengths(p, coupled=False))
-    models = {
-        "static coupled": coupled,
-        "static decoupled": decoupled,
-        "full": simulate(arm, log)[::STRIDE],
-        CENTRAL: simulate(lab.balanced.arm, log)[::STRIDE],
-    }
-    travel = tool_travel(measured)
-    error = {name: tool_error(model, measured) for name, model in models.items()}
-    peak = {name: greatest_tool_error(model, measured) for name, model in models.items()}
-    rows = [
-        [name, f"{1e3 * error[name]:.1f}", f"{1e3 * peak[name]:.0f}", f"{1e3 * length_error(model, measured):.1f}"]
-        for name, model in models.items()
-    ]
-    static = (error["static coupled"], error["static decoupled"])
+    """Static models against two measurements: of the arm with its mass at the heads, and spread along its sections."""
+    cases = {AT_HEADS: _against_statics(lab.lumped), ALONG: _against_statics(lab)}
+    claims = []
+    for where, found in cases.items():
+        error, peak, travel = found.error, found.peak, found.travel
+        coupled, decoupled = (f"{1e3 * error[name]:.1f} mm" for name in ("static coupled", "static decoupled"))
+        claims += [
+            Claim(
+                f"static models cannot describe the motions that well ({where})",
+                f"tool {coupled} (coupled) and {decoupled} (decoupled) RMS off, the full model "
+                f"{1e3 * error['full']:.1f} mm; travel {1e3 * travel:.0f} mm",
+                found.statics > 1.5 * error["full"],
+            ),
+            Claim(
+                f"the coupled static model has large errors during motions ({where})",
+                f"up to {1e3 * peak['static coupled']:.0f} mm, {100 * peak['static coupled'] / travel:.0f} % of the "
+                "travel; it does not see the swing at all",
+                peak["static coupled"] > 0.2 * travel,
+            ),
+        ]
+    spread = cases[ALONG]
+    claims.append(
+        Claim(
+            "(ours) it is the place of the mass that brings the full model so close to the static ones, as in Fig. 14",
+            f"with each section's mass along its arc {1e3 * spread.error[SPREAD]:.1f} mm RMS and up to "
+            f"{1e3 * spread.peak[SPREAD]:.0f} mm are left",
+            spread.statics > 1.5 * spread.error[SPREAD],
+        )
+    )
+    rows = [[name, *(text for found in cases.values() for text in _cells(found, name))] for name in spread.models]
+    travels = " and ".join(f"{1e3 * found.travel:.0f} mm ({where})" for where, found in cases.items())
+    shown = ("static coupled", "static decoupled")
     return Outcome(
         "fig13",
         "Fig. 13: tilting, static models",
         "Section 1 is tilted to and fro by its bellows 1, once a second. The static coupled model solves "
         "N(q, 0) = τ(q, p) (62) for every measured pressure; the decoupled one balances springs and pressures "
-        "alone, without gravity and bending.",
-        [
-            Claim(
-                "static models cannot describe the motions that well",
-                f"tool {1e3 * static[0]:.1f} mm (coupled) and {1e3 * static[1]:.1f} mm (decoupled) RMS off, the full "
-                f"model {1e3 * error['full']:.1f} mm; travel {1e3 * travel:.0f} mm",
-                min(static) > 1.5 * error["full"],
-            ),
-            Claim(
-                "the coupled static model has large errors during motions",
-                f"up to {1e3 * peak['static coupled']:.0f} mm, {100 * peak['static coupled'] / travel:.0f} % of the "
-                "travel; it does not see the swing at all",
-                peak["static coupled"] > 0.2 * travel,
-            ),
-            Claim(
-                "(ours) what brings the full model so close to the static ones is the place of the mass, as in Fig. 14",
-                f"with each section's mass at its centre of mass {1e3 * error[CENTRAL]:.1f} mm RMS and up to "
-                f"{1e3 * peak[CENTRAL]:.0f} mm are left",
-                min(static) > 1.5 * error[CENTRAL],
-            ),
-        ],
+        "alone, without gravity and bending. Two arms are measured, alike but for one thing: each section's mass in "
+        "its head, where the paper's model has it, or spread along its arc as in all other experiments here. Each is "
+        "identified by section IV from measurements of its own.",
+        claims,
         {
-            "fig13": (
-                tilt_figure({"measured": measured, "static coupled": coupled, "static decoupled": decoupled}),
-                "Measured (solid), static coupled (dotted) and static decoupled (dashed).",
+            stem: (
+                tilt_figure({"measured": found.measured} | {name: found.models[name] for name in shown}),
+                f"Measured (solid), static coupled (dotted) and static decoupled (dashed); {where}.",
             )
+            for stem, (where, found) in zip(("fig13_at_heads", "fig13"), cases.items(), strict=True)
         },
         [
             Table(
-                ["model", "tool, RMS [mm]", "tool, greatest [mm]", "bellows lengths, RMS [mm]"],
+                ["model", *(f"{what}, {where} [mm]" for where in cases for what in ("tool, RMS", "tool, greatest"))],
                 rows,
-                f"Distance from the measurement; the tool moves by {1e3 * travel:.0f} mm.",
+                f"Distance from the measurement; the tool moves by {travels}.",
             )
         ],
         {
-            "travel": travel,
-            "full_error": error["full"],
-            "central_error": error[CENTRAL],
-            "coupled_error": static[0],
-            "decoupled_error": static[1],
-            "coupled_peak": peak["static coupled"],
-            "full_peak": peak["full"],
+            f"{prefix}{key}": value
+            for prefix, found in (("at_heads_", cases[AT_HEADS]), ("", spread))
+            for key, value in {
+                "travel": found.travel,
+                "full_error": found.error["full"],
+                "spread_error": found.error[SPREAD],
+                "coupled_error": found.error["static coupled"],
+                "decoupled_error": found.error["static decoupled"],
+                "coupled_peak": found.peak["static coupled"],
+                "full_peak": found.peak["full"],
+            }.items()
         },
     )
+
+
+@dataclass(frozen=True)
+class _Tilting:
+    """One arm's measurement of Fig. 13 and the models beside it; errors of the tool in m by model."""
+
+    measured: Trajectory
+    models: Mapping[str, Trajectory]
+    travel: float
+    error: Mapping[str, float]
+    peak: Mapping[str, float]
+
+    @property
+    def statics(self) -> float:
+        """The smaller RMS error of the two static models, m."""
+        return min(self.error["static coupled"], self.error["static decoupled"])
+
+
+def _against_statics(lab: Laboratory) -> _Tilting:
+    log = lab.tilting
+    measured = lab.measured(log)[::STRIDE]
+    arm = lab.identified
+    models = {
+        "static coupled": static_trajectory(arm, measured, lambda p, start: arm.static_lengths(p, start=start)),
+        "static decoupled": static_trajectory(arm, measured, lambda p, _: arm.static_lengths(p, coupled=False)),
+        "full": simulate(arm, log)[::STRIDE],
+        CENTRAL: simulate(lab.balanced.arm, log)[::STRIDE],
+        SPREAD: simulate(lab.spread.arm, log)[::STRIDE],
+    }
+    return _Tilting(
+        measured,
+        models,
+        tool_travel(measured),
+        {name: tool_error(model, measured) for name, model in models.items()},
+        {name: greatest_tool_error(model, measured) for name, model in models.items()},
+    )
+
+
+def _cells(found: _Tilting, name: str) -> tuple[str, str]:
+    return f"{1e3 * found.error[name]:.1f}", f"{1e3 * found.peak[name]:.0f}"
