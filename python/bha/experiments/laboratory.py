@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bha import robots
 from bha.arm import Arm
 from bha.experiments import procedures, schedules
-from bha.experiments.virtual_arm import Body, Schedule, VirtualArm
+from bha.experiments.virtual_arm import Schedule, VirtualArm, VirtualBody
 from bha.logs import Log
 from bha.runs.trajectory import Trajectory
 
@@ -32,7 +32,7 @@ class Laboratory:
         seed: int = 2015,
         hold: float = 2.0,
         swing_time: float = 6.0,
-        body: Body | None = None,
+        body: VirtualBody | None = None,
         note: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Name the arm's seed and how long measurements take.
@@ -41,7 +41,7 @@ class Laboratory:
             seed: of the bellows' scatter and the sensors' noise.
             hold: how long each pose of the static measurements is held, s.
             swing_time: how long a swing is recorded, s.
-            body: in what the arm differs from the lumped model; as :class:`Body` has it if None.
+            body: in what the arm differs from the lumped model; as :class:`VirtualBody` has it if None.
             note: told what is being measured or identified.
         """
         self.design = robots.load("bha_nominal")
@@ -163,7 +163,7 @@ class Identified:
         """What is known before any pressure is applied: geometry, masses (weighed to 1 g), inertia by (56)."""
         unknown = {"inertia": None, "stiffness": [1.0], "damping": 0.0, "bending_stiffness": [0.0]}
         changes = [
-            unknown | {"mass": round(section.mass, 3), "center_of_mass": [0.0, 0.0, 0.0]} | lies
+            {**unknown, "mass": round(section.mass, 3), "center_of_mass": [0.0, 0.0, 0.0], **lies}
             for section, lies in zip(self._laboratory.design.parameters.sections, self._masses, strict=True)
         ]
         return procedures.with_sections(self._laboratory.design, changes, "identified")
@@ -210,5 +210,7 @@ class Identified:
 
 def _spread(plate: float, rest: float) -> dict[str, Any]:
     """Keys of a section that weighs ``plate`` kg in its head and ``rest`` kg evenly along its arc."""
+    if not rest:
+        return {}
     shares = (np.arange(PLACES) + 0.5) / PLACES
     return {"mass": plate, "masses": [{"share": float(share), "mass": rest / PLACES} for share in shares]}
