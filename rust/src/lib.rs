@@ -8,7 +8,7 @@
 //! | (3), (7) lengths to arc | [`kinematics::coordinates`] |
 //! | (9), (11), (66)-(73) pose of a section and its derivatives | [`kinematics::section`], [`kinematics::arc`] |
 //! | (6), (8) a section of several arcs | `kinematics::arcs`, [`body::SectionArc`] |
-//! | (12)-(14), (19)-(24) the chain | [`kinematics::chain`], [`kinematics::point`] |
+//! | (12)-(14), (19)-(24) the chain | [`kinematics::link`], [`kinematics::chain`], [`kinematics::point`] |
 //! | (25)-(32) bellows and external forces | [`forces`], summed in [`dynamics::applied`] |
 //! | (33)-(35) gravity, bending | [`forces`] |
 //! | effects the paper leaves out | [`effects`] |

@@ -11,7 +11,8 @@ use super::dense;
 use crate::arm::Arm;
 use crate::dynamics::Workspace;
 use crate::dynamics::terms::actuation_columns;
-use crate::kinematics::chain::{Motion, pass};
+use crate::kinematics::chain::pass;
+use crate::kinematics::link::Motion;
 
 const REGULARIZATION: f64 = 1e-9;
 

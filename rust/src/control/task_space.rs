@@ -10,7 +10,8 @@
 use super::dense;
 use crate::arm::Arm;
 use crate::error::{Error, Result};
-use crate::kinematics::chain::{Link, Motion, pass};
+use crate::kinematics::chain::pass;
+use crate::kinematics::link::{Link, Motion};
 use crate::kinematics::point::{Point, jacobian, pose};
 use crate::real::linear::Vec3;
 

@@ -4,7 +4,7 @@ use crate::arm::Arm;
 use crate::effects::{self, EffectState};
 use crate::forces::weight::weight;
 use crate::forces::{External, ForceSet, Load, Wrench, act_along, axial, bellows, bending, external};
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::real::kernel;
 
 kernel! {

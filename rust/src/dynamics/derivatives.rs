@@ -17,7 +17,8 @@ use crate::arm::Arm;
 use crate::arm::structure::with_tangents;
 use crate::effects;
 use crate::forces::{External, ForceSet, PointWrench, Wrench};
-use crate::kinematics::chain::{Link, Local, pass_again, pass_masses};
+use crate::kinematics::chain::{pass_again, pass_masses};
+use crate::kinematics::link::{Link, Local};
 #[cfg(feature = "lanes")]
 use crate::real::Lanes;
 #[cfg(all(feature = "lanes", target_arch = "aarch64"))]

@@ -8,7 +8,8 @@ use super::Workspace;
 use super::recursion::{body_tensor, mass_tensor};
 use crate::arm::Arm;
 use crate::forces::{axial_energy, bending_energy, gravity_energy, length, spring_energy};
-use crate::kinematics::chain::{Link, Motion, pass, pass_masses};
+use crate::kinematics::chain::{pass, pass_masses};
+use crate::kinematics::link::{Link, Motion};
 use crate::real::Real;
 use crate::real::linear::Sym3;
 

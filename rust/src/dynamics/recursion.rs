@@ -15,8 +15,9 @@ use super::applied::accumulate;
 use crate::arm::Arm;
 use crate::body::{PointMass, Section};
 use crate::forces::{External, ForceSet, Load, Wrench, act_along, on_joint};
-use crate::kinematics::chain::{Link, Motion, pass, pass_masses};
+use crate::kinematics::chain::{pass, pass_masses};
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_lengths, lengths_from_arc};
+use crate::kinematics::link::{Link, Motion};
 use crate::real::linear::{Mat3, Sym3, Vec3};
 use crate::real::{Real, kernel};
 

@@ -4,7 +4,7 @@ use super::recursion::{Inertial, Joint};
 use crate::arm::Arm;
 use crate::effects::EffectState;
 use crate::forces::{Load, PointWrench, Wrench};
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::real::Real;
 use crate::real::linear::Vec3;
 

@@ -2,7 +2,8 @@
 
 use super::Effects;
 use crate::body::Body;
-use crate::kinematics::chain::{Link, Motion, mass_link, pass};
+use crate::kinematics::chain::{mass_link, pass};
+use crate::kinematics::link::{Link, Motion};
 use crate::kinematics::section::Pose;
 use crate::real::Real;
 use crate::real::linear::Mat3;

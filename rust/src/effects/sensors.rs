@@ -3,7 +3,7 @@
 
 use super::{Effects, poses};
 use crate::body::Body;
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::kinematics::section::Pose;
 use crate::real::{Real, replace};
 use std::collections::VecDeque;

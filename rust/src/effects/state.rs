@@ -3,8 +3,8 @@
 use super::Effects;
 use crate::body::Body;
 use crate::forces::{Load, length};
-use crate::kinematics::chain::Link;
 use crate::kinematics::coordinates::arc_from_lengths;
+use crate::kinematics::link::Link;
 use crate::real::linear::Vec3;
 use crate::real::{Real, kernel};
 

@@ -18,7 +18,7 @@
 use super::{ForceSet, Load, Wrench, spring};
 use crate::body::parameters::ForceModel;
 use crate::body::{Bellows, Body, Section};
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::real::Real;
 use crate::real::linear::Vec3;
 use std::slice::Iter;

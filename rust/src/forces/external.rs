@@ -8,7 +8,7 @@
 
 use super::{Load, Wrench, act_along};
 use crate::body::Body;
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::kinematics::point::{Point, motion};
 use crate::real::linear::Vec3;
 use crate::real::{Real, kernel};

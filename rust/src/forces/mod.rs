@@ -11,7 +11,7 @@ pub(crate) mod external;
 pub(crate) mod spring;
 pub(crate) mod weight;
 
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::kinematics::section::Subspace;
 use crate::real::Real;
 use crate::real::linear::Vec3;

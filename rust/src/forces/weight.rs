@@ -2,7 +2,7 @@
 
 use super::Wrench;
 use crate::body::Body;
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::real::Real;
 use crate::real::linear::Vec3;
 

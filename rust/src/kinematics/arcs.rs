@@ -7,7 +7,8 @@
 //! Frame: the section's base frame. The rigid pieces stand before the first and, for the whole, behind the last arc.
 //! Limits: those of `section` for each arc.
 
-use super::chain::{Link, Local, Motion, step, subspace_rate_about_origin};
+use super::coordinates::arc_from_lengths;
+use super::link::{Link, Local, Motion, step, subspace_rate_about_origin};
 use super::section::{Bent, Bias, Pose, Subspace};
 use crate::body::{Section, SectionArc};
 use crate::real::linear::Vec3;
@@ -42,6 +43,33 @@ fn bent<T: Real>(section: &Section<T>, j: usize, arc: Vec3<T>, share: Option<T>,
 fn link_of<T: Real>(bent: &Bent<T>, shares: Vec3<T>, arc: Vec3<T>, rate: Vec3<T>, motion: Motion) -> Local<T> {
     let bias = if motion == Motion::Bias { bent.bias(rate.times(shares)) } else { Bias::zero() };
     Local { arc, rate, pose: bent.pose(), subspace: bent.subspace().scaled(shares), bias }
+}
+
+/// `section` of several arcs at three lengths, with their rates.
+#[inline(always)]
+pub(super) fn local_of_lengths<T: Real>(
+    section: &Section<T>,
+    lengths: Vec3<T>,
+    rates: Vec3<T>,
+    motion: Motion,
+) -> Local<T> {
+    let arc = arc_from_lengths(lengths, section.inverse_radius);
+    let rate = arc_from_lengths(rates, section.inverse_radius);
+    local(section, arc, rate, None, motion)
+}
+
+/// `section`, or its part up to a share of its length, at (u, v, l) and their rates.
+#[inline(always)]
+pub(super) fn local<T: Real>(
+    section: &Section<T>,
+    arc: Vec3<T>,
+    rate: Vec3<T>,
+    share: Option<T>,
+    motion: Motion,
+) -> Local<T> {
+    let mut local = Local::zero();
+    local_into(section, arc, rate, share, motion, &mut local);
+    local
 }
 
 kernel! {

@@ -4,6 +4,7 @@ pub mod arc;
 mod arcs;
 pub mod chain;
 pub mod coordinates;
+pub mod link;
 pub mod point;
 pub mod quaternion;
 pub mod section;

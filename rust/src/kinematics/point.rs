@@ -4,8 +4,10 @@
 //! by that part.
 //! Frame: that of the chain. Jacobian rows: velocity of the point, then angular velocity, per unit rate of each length.
 
-use super::chain::{Link, Local, Motion, pass};
+use super::arcs;
+use super::chain::pass;
 use super::coordinates::force_on_lengths;
+use super::link::{Link, Motion};
 use super::section::{Bent, Pose, Subspace};
 use crate::body::Body;
 use crate::real::Real;
@@ -38,7 +40,7 @@ fn part<T: Real>(body: &Body<T>, links: &[Link<T>], point: &Point<T>) -> (Pose<T
         let bent = Bent::new(arc * f, section.base_offset, head_offset);
         return (bent.pose(), bent.subspace().scaled(Vec3([f; 3])));
     }
-    let local = Local::of_arcs(section, arc, Vec3::zero(), (!head).then_some(f), Motion::Pose);
+    let local = arcs::local(section, arc, Vec3::zero(), (!head).then_some(f), Motion::Pose);
     (local.pose, local.subspace)
 }
 

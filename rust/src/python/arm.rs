@@ -14,8 +14,9 @@ use crate::dynamics::terms::{
 };
 use crate::effects;
 use crate::forces::{External, ForceSet};
-use crate::kinematics::chain::{Link, Motion, pass};
+use crate::kinematics::chain::pass;
 use crate::kinematics::coordinates::configuration;
+use crate::kinematics::link::{Link, Motion};
 use crate::kinematics::point::{Point, jacobian, pose, shape};
 use crate::memory::reserved;
 use crate::real::linear::Vec3;

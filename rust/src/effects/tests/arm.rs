@@ -3,8 +3,9 @@
 use super::*;
 use crate::dynamics::recursion::forward_dynamics_into;
 use crate::dynamics::terms::inertia_matrix_into;
-use crate::kinematics::chain::{Link, Motion, pass};
+use crate::kinematics::chain::pass;
 use crate::kinematics::coordinates::{arc_from_lengths, force_on_arc};
+use crate::kinematics::link::{Link, Motion};
 use crate::kinematics::point::{Point, jacobian};
 use crate::real::linear::Vec3;
 use std::f64::consts::FRAC_PI_2;

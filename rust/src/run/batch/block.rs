@@ -8,7 +8,7 @@ use crate::arm::Arm;
 use crate::arm::structure::in_lanes;
 use crate::effects::poses;
 use crate::integrate::{Integrator, System};
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::kinematics::section::Pose;
 use crate::plant::Plant;
 use crate::plant::stiffness::explained;
