@@ -155,11 +155,11 @@ def any_arm(name: str) -> bha.Arm:
 
 @pytest.mark.parametrize("name", [*bha.robots.names(), "full", "made"])
 def test_random_pressures_end_no_episode(name: str) -> None:
-    """Over the whole range; over half of it for the nominal arm, whose bellows jumping pressures may invert."""
+    """Over the whole range; over half of it for the nominal arms, whose bellows jumping pressures may invert."""
     many = environments.ReachVectorEnv(16, any_arm(name), max_episode_steps=1000, threads=1)
     many.reset(seed=0)
     rng = np.random.default_rng(0)
-    size = 0.5 if name == "bha_nominal" else 1.0
+    size = 0.5 if name in ("bha_nominal", "bha_hand") else 1.0
     for _ in range(100):
         observation, _, terminated, _, _ = many.step(rng.uniform(-size, size, many.action_space.shape))
         assert not terminated.any()

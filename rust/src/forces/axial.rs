@@ -7,7 +7,7 @@
 
 use super::{Load, spring};
 use crate::body::Axial;
-use crate::kinematics::chain::Link;
+use crate::kinematics::link::Link;
 use crate::real::linear::Vec3;
 use crate::real::{Real, kernel};
 
