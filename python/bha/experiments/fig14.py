@@ -50,7 +50,9 @@ def _swing(lab: Laboratory) -> _Swing:
     drive = Input.constant(free.pressures.mean(axis=0), float(time[-1]))
     deflection = {"measured": (time, lateral(lab.identified, free))}
     lengths = {"measured": (time, free.lengths)}
-    models = {"full": lab.identified, "reduced": lab.reduced, CENTRAL: lab.balanced.arm, SPREAD: lab.spread.arm}
+    models = {"full": lab.identified, "reduced": lab.reduced}
+    if lab.is_spread:
+        models |= {CENTRAL: lab.balanced.arm, SPREAD: lab.spread.arm}
     for label, arm in models.items():
         t, x, q = simulated_swing(arm, drive, start)
         deflection[label], lengths[label] = (t, x), (t, q)
@@ -125,17 +127,16 @@ def run(lab: Laboratory) -> Outcome:
             for stem, (where, swing) in zip(("fig14_at_heads", "fig14"), cases.items(), strict=True)
         },
         tables,
-        {
+        {"spread_frequency_off": spread.off(SPREAD), "spread_error": spread.error[SPREAD]}
+        | {
             f"{prefix}{key}": value
             for prefix, swing in (("at_heads_", cases[AT_HEADS]), ("", spread))
             for key, value in {
                 "frequency": swing.found["measured"].frequency,
                 "full_frequency_off": swing.off("full"),
                 "reduced_frequency_off": swing.off("reduced"),
-                "spread_frequency_off": swing.off(SPREAD),
                 "full_error": swing.error["full"],
                 "reduced_error": swing.error["reduced"],
-                "spread_error": swing.error[SPREAD],
                 "apart": swing.apart,
                 "amplitude": swing.found["measured"].amplitude,
             }.items()

@@ -120,6 +120,11 @@ class Laboratory:
         return Identified(self, [_spread(round(plate * s.mass, 3), round((1 - plate) * s.mass, 3)) for s in sections])
 
     @property
+    def is_spread(self) -> bool:
+        """Whether some of the sections' mass is not in their heads, so that models can have it elsewhere."""
+        return self.real.body.plate_share < 1.0
+
+    @property
     def weighed(self) -> Arm:
         """What is known of the arm before any measurement."""
         return self.paper.weighed

@@ -132,13 +132,13 @@ def fig13(lab: Laboratory) -> Outcome:
                 f"Distance from the measurement; the tool moves by {travels}.",
             )
         ],
-        {
+        {"spread_error": spread.error[SPREAD]}
+        | {
             f"{prefix}{key}": value
             for prefix, found in (("at_heads_", cases[AT_HEADS]), ("", spread))
             for key, value in {
                 "travel": found.travel,
                 "full_error": found.error["full"],
-                "spread_error": found.error[SPREAD],
                 "coupled_error": found.error["static coupled"],
                 "decoupled_error": found.error["static decoupled"],
                 "coupled_peak": found.peak["static coupled"],
@@ -172,9 +172,11 @@ def _against_statics(lab: Laboratory) -> _Tilting:
         "static coupled": static_trajectory(arm, measured, lambda p, start: arm.static_lengths(p, start=start)),
         "static decoupled": static_trajectory(arm, measured, lambda p, _: arm.static_lengths(p, coupled=False)),
         "full": simulate(arm, log)[::STRIDE],
-        CENTRAL: simulate(lab.balanced.arm, log)[::STRIDE],
-        SPREAD: simulate(lab.spread.arm, log)[::STRIDE],
     }
+    if lab.is_spread:
+        models |= {
+            name: simulate(arm, log)[::STRIDE] for name, arm in ((CENTRAL, lab.balanced.arm), (SPREAD, lab.spread.arm))
+        }
     return _Tilting(
         measured,
         models,
@@ -185,4 +187,6 @@ def _against_statics(lab: Laboratory) -> _Tilting:
 
 
 def _cells(found: _Tilting, name: str) -> tuple[str, str]:
+    if name not in found.models:
+        return "", ""
     return f"{1e3 * found.error[name]:.1f}", f"{1e3 * found.peak[name]:.0f}"

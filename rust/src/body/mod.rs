@@ -79,7 +79,7 @@ impl Body<f64> {
         let mut sections = Vec::with_capacity(parameters.section.len());
         for (i, p) in parameters.section.iter().enumerate() {
             sections.push(Section::new(i, p, radius_below, parameters.inputs.len())?);
-            radius_below = p.bellows_radius * sections[i].taper.map_or(1.0, |t| t.head_radius);
+            radius_below = p.bellows_radius * sections[i].taper.as_ref().map_or(1.0, |t| t.head_radius);
         }
         for (i, section) in sections.iter().enumerate() {
             if parameters.force_model == ForceModel::EndForce && section.has_several_areas() {
@@ -130,7 +130,7 @@ impl<T: Real> Body<T> {
         let (arcs, taper) = normalized(arcs);
         let section = &mut self.sections[i];
         section.arcs = arcs;
-        if let Some(old) = section.taper.replace(taper) {
+        if let Some(old) = section.taper.replace(Box::new(taper)) {
             if let Some(above) = self.sections.get_mut(i + 1) {
                 above.reaction_scale *= taper.head_radius / old.head_radius;
             }

@@ -67,7 +67,7 @@ pub struct Section<T> {
     /// Its arcs from the base on; none for a section that is one arc.
     pub arcs: Vec<SectionArc<T>>,
     /// What its bellows do that are not alike in all arcs.
-    pub taper: Option<Taper<T>>,
+    pub taper: Option<Box<Taper<T>>>,
     /// The masses along it, besides `mass`.
     pub masses: Vec<PointMass<T>>,
     /// The bellows.
@@ -169,7 +169,7 @@ impl Section<f64> {
             axial: p.axial.as_ref().map(|a| Axial::new(&place, a)).transpose()?.map(Box::new),
             reaction_scale: radius_below / bellows_radius,
             arcs,
-            taper: tapers.then_some(taper),
+            taper: tapers.then(|| Box::new(taper)),
             masses: PointMass::all(&place, &p.masses)?,
             bellows,
         })
@@ -216,7 +216,7 @@ impl Section<f64> {
             axial: self.axial.as_ref().map(|a| Box::new(a.map(c))),
             reaction_scale: c(self.reaction_scale),
             arcs: self.arcs.iter().map(|a| a.map(c)).collect(),
-            taper: self.taper.map(|t| t.map(c)),
+            taper: self.taper.as_ref().map(|t| Box::new(t.map(c))),
             masses: self.masses.iter().map(|m| m.map(c)).collect(),
             bellows: self.bellows.iter().map(|b| b.map(c)).collect(),
         }

@@ -32,11 +32,11 @@ pub fn length<T: Real>(b: &Bellows<T>, arc: Vec3<T>) -> T {
 /// Volume of a bellows of `section` at (u, v, l), or its rate at (u', v', l'), m^3; the work of a pressure is (p - p_amb) dV.
 #[inline(always)]
 pub fn volume<T: Real>(section: &Section<T>, b: &Bellows<T>, arc: Vec3<T>) -> T {
-    let beyond = match section.taper {
-        None => T::zero(),
-        Some(taper) => (b.x * arc.x() + b.y * arc.y()) * (taper.pressure_lever - T::one()),
-    };
-    b.terminal_area * (length(b, arc) - beyond)
+    let mut long = length(b, arc);
+    if let Some(taper) = &section.taper {
+        long -= (b.x * arc.x() + b.y * arc.y()) * (taper.pressure_lever - T::one());
+    }
+    b.terminal_area * long
 }
 
 /// Spring force F_spr.
@@ -83,15 +83,18 @@ pub(crate) fn add<T: Real>(
     match body.force_model {
         ForceModel::WorkConjugate => {
             let mut force = Vec3([-moment_x, -moment_y, along]);
-            if let (Some(taper), true) = (section.taper, set.actuation) {
+            if let (Some(taper), true) = (&section.taper, set.actuation) {
                 force -= moment_beyond(section, body.ambient_pressure, p) * (taper.pressure_lever - T::one());
             }
             loads[i].on_arc += force;
         }
         ForceModel::EndForce => {
             let torque = Vec3([moment_y, -moment_x, T::zero()]);
-            let own = section.taper.map_or(torque, |taper| torque * taper.head_radius);
-            loads[i].on_head.add(end_wrench(link, own, along));
+            loads[i].on_head.add(end_wrench(link, torque, along));
+            if let Some(taper) = &section.taper {
+                let beyond = torque * (taper.head_radius - T::one());
+                loads[i].on_head.add(end_wrench(link, beyond, T::zero()));
+            }
             if i > 0 {
                 let below = &links[i - 1];
                 loads[i - 1].on_head.add(end_wrench(below, torque * -section.reaction_scale, -along));
