@@ -20,11 +20,14 @@ pub struct Place {
     pub on: f64,
 }
 
-/// Volumes packed; what they gain by pressure only where walls give way.
-#[inline(always)]
-fn packed<T: Real, P: Packing<T>>(walls_give: bool, volume: impl Fn(usize) -> Volume<T>) -> Volume<P::Wide> {
-    let by_pressure = if walls_give { P::pack(|i| volume(i).by_pressure) } else { P::Wide::zero() };
-    Volume { at_ambient: P::pack(|i| volume(i).at_ambient), by_pressure }
+/// Volumes packed; what they gain by pressure only where walls give way. A macro: a closure within the one that `pack` takes
+/// may stay out of line, where it is compiled without the lanes' instruction set.
+macro_rules! packed {
+    ($pack:ident, $walls_give:expr, |$i:ident| $volume:expr) => {{
+        let at_ambient = $pack::pack(|$i| $volume.at_ambient);
+        let by_pressure = if $walls_give { $pack::pack(|$i| $volume.by_pressure) } else { $pack::Wide::zero() };
+        Volume { at_ambient, by_pressure }
+    }};
 }
 
 /// Advances all inputs over a step in sub-steps of `step` s; nodes are as long as they need to be.
@@ -53,8 +56,8 @@ impl<T: Real> SideBySide<T> for Fill<'_, T> {
             let drive = Drive {
                 reference: P::pack(|i| drives[(first + i).min(last)].reference),
                 reference_rate: P::pack(|i| drives[(first + i).min(last)].reference_rate),
-                volume: packed::<T, P>(k.walls_give, |i| drives[(first + i).min(last)].volume),
-                volume_rate: packed::<T, P>(k.walls_give, |i| drives[(first + i).min(last)].volume_rate),
+                volume: packed!(P, k.walls_give, |i| drives[(first + i).min(last)].volume),
+                volume_rate: packed!(P, k.walls_give, |i| drives[(first + i).min(last)].volume_rate),
             };
             let volume = P::pack(|i| pneumatics.control_volume[(first + i).min(last)]);
             let used = P::WIDTH.min(inputs - first);
@@ -108,8 +111,8 @@ impl<T: Real> SideBySide<T> for Read<'_, T> {
             let a = P::pack(|i| before[(first + i).min(last)]);
             let b = P::pack(|i| after[(first + i).min(last)]);
             let p = P::pack(|i| pressures[(first + i).min(last)]);
-            let then = packed::<T, P>(air.walls_give, |i| drives[(first + i).min(last)].volume_at(at.time));
-            let now = packed::<T, P>(air.walls_give, |i| volumes[(first + i).min(last)]);
+            let then = packed!(P, air.walls_give, |i| drives[(first + i).min(last)].volume_at(at.time));
+            let now = packed!(P, air.walls_give, |i| volumes[(first + i).min(last)]);
             let found = air.pressure_from((p, a, then), (a + (b - a) * at.on, now));
             for (i, p) in out[first..].iter_mut().take(P::WIDTH).enumerate() {
                 *p = P::unpack(found, i);
