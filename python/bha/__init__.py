@@ -5,8 +5,7 @@ from bha.support import startup as startup
 
 # isort: split
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bha import robots
 from bha._core import __version__
@@ -36,6 +35,7 @@ from bha.simulation import (
     simulate,
     simulate_batch,
 )
+from bha.support.later import imported_later
 
 if TYPE_CHECKING:
     from bha.checkup import Checkup, check
@@ -96,13 +96,7 @@ _LATER = {
 
 
 if not TYPE_CHECKING:  # a checker knows all names, and that there are no others
-
-    def __getattr__(name: str) -> Any:
-        """A name of ``_LATER``, once; it is kept as if it had been imported above."""
-        if name not in _LATER:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        globals()[name] = value = getattr(importlib.import_module(_LATER[name]), name)
-        return value
+    __getattr__ = imported_later(globals(), _LATER)
 
 
 def __dir__() -> list[str]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bha.checkup.finding import Explanation, Finding, Severity
 from bha.checkup.layout import layout_of
 from bha.recordings import ranges
+from bha.support.spans import spans_of
 
 if TYPE_CHECKING:
     from bha.recordings import ChannelFacts, Recording
@@ -173,9 +174,8 @@ def steady_stretches(recording: Recording) -> tuple[tuple[float, float], ...]:
         kinds = np.array([output.kind for output in recording.outputs])
         travel = np.array([np.max(np.ptp(known[:, kinds == kind], axis=0)) for kind in kinds])
         still &= _still(time, known, np.maximum(STEADY_OUTPUT * travel, 6.0 * recording.noise))
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int64), [0]])))
     spans: list[tuple[float, float]] = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in spans_of(still):
         # A row is still if nothing moves in the second that it begins.
         start, end = float(time[first]), min(float(time[last - 1]) + STEADY_TIME, float(time[-1]))
         if spans and start <= spans[-1][1]:

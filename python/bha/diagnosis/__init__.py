@@ -7,16 +7,16 @@ too (an ``Investigation``; each ``Trial`` in it is a fit with its prediction of 
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bha.checkup import checked
 from bha.errors import InputError
 from bha.support.extras import import_extra
 from bha.support.files import make_folder
+from bha.support.later import imported_later
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -40,13 +40,7 @@ _LATER = {
 
 
 if not TYPE_CHECKING:  # a checker knows all names, and that there are no others
-
-    def __getattr__(name: str) -> Any:
-        """A name of ``_LATER``."""
-        if name not in _LATER:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        globals()[name] = value = getattr(importlib.import_module(_LATER[name]), name)
-        return value
+    __getattr__ = imported_later(globals(), _LATER)
 
 
 def diagnose(

@@ -21,6 +21,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bha.diagnosis.noise import COLOUR_GAIN, SensorNoise
 from bha.diagnosis.records import Record
+from bha.support.spans import spans_of
 
 Array = NDArray[np.float64]
 
@@ -109,9 +110,8 @@ def _stretches(record: Record, error: Array, every: int, count: int) -> Array:
     """Errors in stretches of still pressures, one a stretch and channel, shape (stretches, count)."""
     good = still(record) & np.all(record.good, axis=1) & np.all(np.isfinite(error), axis=1)
     even = np.concatenate([[False], np.diff(record.output_time) < 1.5 * record.sample_time])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     rows = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in spans_of(good):
         for start in range(first, last - every * (count - 1), every * count):
             picked = np.arange(start, start + every * count, every)
             if np.all(even[start + 1 : picked[-1] + 1]):

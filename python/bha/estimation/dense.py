@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.estimation.steps import bounded_step, huber_loss
+
 Array = NDArray[np.float64]
 
 _LARGEST_DAMPING = 1e6
@@ -57,7 +59,7 @@ def minimize(
         tolerance: part of the loss that a step must promise.
     """
     z, left = start.copy(), residuals(start)
-    cost, damping = _loss(left, huber), 1e-3
+    cost, damping = huber_loss(left, huber), 1e-3
     for iteration in range(max_iterations):
         slopes = jacobian(z, left)
         weight = np.minimum(1.0, huber / np.maximum(np.abs(left), 1e-300))
@@ -70,7 +72,7 @@ def minimize(
         while True:
             trial = np.clip(z + _step(h, g, z, bounds, damping), bounds[:, 0], bounds[:, 1])
             there = residuals(trial)
-            new = _loss(there, huber) if np.all(np.isfinite(there)) else np.inf
+            new = huber_loss(there, huber) if np.all(np.isfinite(there)) else np.inf
             if new < cost:
                 break
             damping *= 10.0
@@ -81,26 +83,6 @@ def minimize(
     return Minimum(z, cost, False, max_iterations)
 
 
-def _loss(residuals: Array, huber: float) -> float:
-    size = np.abs(residuals)
-    inside = np.minimum(size, huber)
-    return float(np.sum(inside**2) + (2.0 * huber * np.sum(size - inside) if np.isfinite(huber) else 0.0))
-
-
 def _step(h: Array, g: Array, z: Array, bounds: Array, damping: float) -> Array:
     """The damped step within the bounds."""
-    scale = np.sqrt(np.maximum(np.diag(h), 1e-300))
-    matrix = h / np.outer(scale, scale) + damping * np.eye(len(g))
-    step = np.zeros_like(g)
-    free = np.ones(len(g), dtype=bool)
-    for _ in range(len(g)):
-        rhs = (g / scale)[free] - matrix[np.ix_(free, ~free)] @ (step * scale)[~free]
-        step[free] = np.linalg.lstsq(matrix[np.ix_(free, free)], rhs, rcond=1e-13)[0] / scale[free]
-        outside = free & ((z + step < bounds[:, 0]) | (z + step > bounds[:, 1]))
-        if not outside.any():
-            break
-        step[outside] = np.clip(step[outside], (bounds[:, 0] - z)[outside], (bounds[:, 1] - z)[outside])
-        free &= ~outside
-        if not free.any():
-            break
-    return step
+    return bounded_step(h + damping * np.diag(np.diag(h)), g, bounds[:, 0] - z, bounds[:, 1] - z)

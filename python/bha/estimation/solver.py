@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
 from bha.estimation.records import Window
+from bha.estimation.steps import bounded_step, huber_loss
 
 Array = NDArray[np.float64]
 
@@ -56,11 +57,7 @@ class Residuals:
 
     def cost(self, residuals: Array) -> float:
         """Sum of the loss; for plain least squares the sum of squares."""
-        size = np.abs(residuals)
-        inside = np.minimum(size, self.huber)
-        outside = size - inside
-        linear = 2.0 * self.huber * outside if np.isfinite(self.huber) else 0.0
-        return float(np.sum(inside**2 + linear))
+        return huber_loss(residuals, self.huber)
 
     def weights(self, residuals: Array) -> Array:
         """Square roots of the weights that make the loss a sum of squares at this point."""
@@ -358,28 +355,8 @@ def _expected_gain(normal: Normal, z: Array, bounds: Array, problem: Problem) ->
 def _step(normal: Normal, point: Point, bounds: Array, damping: float) -> tuple[Array, Array]:
     """The damped step within the bounds: a parameter that would leave them is put on its bound, the rest solved for."""
     h, g = normal.reduced(damping)
-    dz = np.zeros_like(point.z)
-    fixed = np.zeros(len(dz), dtype=bool)
-    for _ in range(len(dz) + 1):
-        free = ~fixed
-        if not free.any():
-            break
-        rhs = g[free] - h[np.ix_(free, fixed)] @ dz[fixed]
-        dz[free] = _solve_symmetric(h[np.ix_(free, free)], rhs)
-        low, high = bounds[:, 0] - point.z, bounds[:, 1] - point.z
-        outside = free & ((dz < low) | (dz > high))
-        if not outside.any():
-            break
-        dz[outside] = np.clip(dz[outside], low[outside], high[outside])
-        fixed |= outside
+    dz = bounded_step(h, g, bounds[:, 0] - point.z, bounds[:, 1] - point.z)
     return np.clip(point.z + dz, bounds[:, 0], bounds[:, 1]), point.states + normal.state_steps(dz, damping)
-
-
-def _solve_symmetric(h: Array, g: Array) -> Array:
-    """Solve with unit diagonal scaling; directions that the matrix does not know get no step."""
-    d = np.sqrt(np.maximum(np.diag(h), 1e-300))
-    solution = np.linalg.lstsq(h / np.outer(d, d), g / d, rcond=1e-13)[0]
-    return np.asarray(solution / d, dtype=np.float64)
 
 
 def _failure_text(problem: Problem, start: Point) -> str:

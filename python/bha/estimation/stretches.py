@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.records import Record
+from bha.support.spans import spans_of
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def steady_states(
         slope, error = _slopes(rec.time, table, span, noise)
         still &= np.all(np.abs(slope) <= limit + 3.0 * error, axis=1)
     found = []
-    for first, last in _runs(still):
+    for first, last in spans_of(still):
         if rec.time[last - 1] - rec.time[first] < shortest:
             continue
         rows = slice(first, last)
@@ -117,7 +118,7 @@ def swings(rec: Record, *, shortest: float = 1.0, pressure_change: float = 3e3, 
     slope, error = _slopes(rec.time, pressures, 0.1, rec.pressure_noise)
     quiet &= np.all(np.abs(slope) <= 5.0 * pressure_change + 4.0 * error, axis=1)
     found = []
-    for first, last in _runs(quiet):
+    for first, last in spans_of(quiet):
         span = slice(first, last)
         if rec.time[last - 1] - rec.time[first] < shortest:
             continue
@@ -183,11 +184,6 @@ def _slopes(time: Array, table: Array, span: float, noise: Array) -> tuple[Array
     mean_y = (sums[0][high] - sums[0][low]) / count[:, None]
     mixed = (sums[1][high] - sums[1][low]) - count[:, None] * mean_t[:, None] * mean_y
     return mixed / spread[:, None], noise[None, :] / np.sqrt(spread)[:, None]
-
-
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _mean_forces(arm: Arm, rec: Record, stretch: Stretch) -> Array:

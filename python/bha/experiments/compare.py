@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,3 +51,8 @@ def static_trajectory(arm: Arm, measured: Trajectory, lengths: Callable[[Array, 
         input_names=measured.input_names,
         arm_name=arm.name,
     )
+
+
+def of_both_arms(at_heads: Mapping[str, float], along: Mapping[str, float]) -> dict[str, float]:
+    """Numbers of the arm with its mass in the heads, by names that say so, and of the one with it along its arcs."""
+    return {f"at_heads_{name}": value for name, value in at_heads.items()} | dict(along)

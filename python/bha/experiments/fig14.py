@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.experiments.compare import of_both_arms
 from bha.experiments.fig10 import SHOWN
 from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
@@ -41,6 +42,19 @@ class _Swing:
     def off(self, model: str) -> float:
         """How far a model's frequency is from the measured one, relative; negative where it is too low."""
         return self.found[model].frequency / self.found["measured"].frequency - 1
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What the claims rest on, SI."""
+        return {
+            "frequency": self.found["measured"].frequency,
+            "full_frequency_off": self.off("full"),
+            "reduced_frequency_off": self.off("reduced"),
+            "full_error": self.error["full"],
+            "reduced_error": self.error["reduced"],
+            "apart": self.apart,
+            "amplitude": self.found["measured"].amplitude,
+        }
 
 
 def _swing(lab: Laboratory) -> _Swing:
@@ -127,20 +141,10 @@ def run(lab: Laboratory) -> Outcome:
             for stem, (where, swing) in zip(("fig14_at_heads", "fig14"), cases.items(), strict=True)
         },
         tables,
-        {"spread_frequency_off": spread.off(SPREAD), "spread_error": spread.error[SPREAD]}
-        | {
-            f"{prefix}{key}": value
-            for prefix, swing in (("at_heads_", cases[AT_HEADS]), ("", spread))
-            for key, value in {
-                "frequency": swing.found["measured"].frequency,
-                "full_frequency_off": swing.off("full"),
-                "reduced_frequency_off": swing.off("reduced"),
-                "full_error": swing.error["full"],
-                "reduced_error": swing.error["reduced"],
-                "apart": swing.apart,
-                "amplitude": swing.found["measured"].amplitude,
-            }.items()
-        },
+        of_both_arms(
+            cases[AT_HEADS].numbers,
+            spread.numbers | {"spread_frequency_off": spread.off(SPREAD), "spread_error": spread.error[SPREAD]},
+        ),
     )
 
 

@@ -122,7 +122,7 @@ def _hanging_masses(sections: Sequence[SectionParameters]) -> list[float]:
     for section in reversed(sections):
         own = section.mass + sum(mass.share * mass.mass for mass in section.masses)
         found.append(above + own)
-        above += section.mass + sum(mass.mass for mass in section.masses)
+        above += section.total_mass
     return found[::-1]
 
 

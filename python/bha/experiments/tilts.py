@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bha.experiments.compare import greatest_tool_error, length_error, static_trajectory, tool_error, tool_travel
+from bha.experiments.compare import (
+    greatest_tool_error,
+    length_error,
+    of_both_arms,
+    static_trajectory,
+    tool_error,
+    tool_travel,
+)
 from bha.experiments.figures import tilt_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome, Table
@@ -132,19 +139,7 @@ def fig13(lab: Laboratory) -> Outcome:
                 f"Distance from the measurement; the tool moves by {travels}.",
             )
         ],
-        {"spread_error": spread.error[SPREAD]}
-        | {
-            f"{prefix}{key}": value
-            for prefix, found in (("at_heads_", cases[AT_HEADS]), ("", spread))
-            for key, value in {
-                "travel": found.travel,
-                "full_error": found.error["full"],
-                "coupled_error": found.error["static coupled"],
-                "decoupled_error": found.error["static decoupled"],
-                "coupled_peak": found.peak["static coupled"],
-                "full_peak": found.peak["full"],
-            }.items()
-        },
+        of_both_arms(cases[AT_HEADS].numbers, spread.numbers | {"spread_error": spread.error[SPREAD]}),
     )
 
 
@@ -162,6 +157,18 @@ class _Tilting:
     def statics(self) -> float:
         """The smaller RMS error of the two static models, m."""
         return min(self.error["static coupled"], self.error["static decoupled"])
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What the claims rest on, m."""
+        return {
+            "travel": self.travel,
+            "full_error": self.error["full"],
+            "coupled_error": self.error["static coupled"],
+            "decoupled_error": self.error["static decoupled"],
+            "coupled_peak": self.peak["static coupled"],
+            "full_peak": self.peak["full"],
+        }
 
 
 def _against_statics(lab: Laboratory) -> _Tilting:

@@ -42,8 +42,9 @@ def identify(
         arm: where to start from; what is not free stays as it is.
         logs: logs to fit, or recordings or records of them, with pressures and lengths or heads.
         free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; if None
-            mass, stiffness, bending stiffness and damping of each section, and the camera's frame where all logs have
-            all three coordinates of some head.
+            mass, stiffness, bending stiffness and damping of each section and what else the logs ask for
+            (:mod:`bha.estimation.scale`, :mod:`bha.estimation.lags`): the camera's frame where all logs have all three
+            coordinates of some head, areas and rest lengths where heads are all that is seen, lags of commands.
         holdout: logs that take no part in the fit and are predicted before and after it.
         pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
             where the first log has them.

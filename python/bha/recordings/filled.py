@@ -13,6 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.support.spans import spans_of
+
 Array = NDArray[np.float64]
 
 #: Fewest readings.
@@ -47,8 +49,7 @@ def filled_in(time: Array, values: Array, step: float) -> NDArray[np.intp] | Non
     if np.mean(~corner & (np.abs(slope[1:]) > rounding)) < SLOPING:
         return None
     # Of neighbouring corners the greatest is the reading.
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], corner, [False]]).astype(int)))
-    rows = np.array([a + np.argmax(bend[a:b]) for a, b in zip(edges[::2], edges[1::2], strict=True)], dtype=np.intp)
+    rows = np.array([a + np.argmax(bend[a:b]) for a, b in spans_of(corner)], dtype=np.intp)
     return rows + 1 if len(rows) >= FEWEST and _come_evenly(np.diff(rows), usual) else None
 
 

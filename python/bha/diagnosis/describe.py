@@ -1,0 +1,275 @@
+"""What a search found, described: effects with their numbers, rivals and confidence, candidates, facts of the logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnosis import excitation
+from bha.diagnosis.baseline import Baseline
+from bha.diagnosis.camera import moved
+from bha.diagnosis.candidate import core_ranges
+from bha.diagnosis.decide import Decision, GapTest
+from bha.diagnosis.fit import Fit, Problem
+from bha.diagnosis.holdout import Holdout
+from bha.diagnosis.intervals import confidences, coordinate_draws
+from bha.diagnosis.model import EffectTerm
+from bha.diagnosis.places import nested
+from bha.diagnosis.records import Record
+from bha.diagnosis.refit import Trial, bic, correlation_length
+from bha.diagnosis.residual import describe_residual
+from bha.diagnosis.result import CandidateLine, Correction, Diagnosis, Effect, Gap, Number, plain
+from bha.diagnosis.screen import Signatures
+from bha.diagnosis.select import Search
+
+Array = NDArray[np.float64]
+
+
+def describe(
+    baseline: Baseline,
+    holdout: Holdout,
+    state: Search,
+    signatures: Signatures,
+    gap: GapTest,
+    verdict: Decision,
+    where: dict[str, Any],
+    final: Trial,
+    uncertainty: Sequence[tuple[float, float]],
+    errors: tuple[float, float, float],
+    seed: int,
+    records: tuple[Sequence[Record], Sequence[Record]],
+) -> Diagnosis:
+    """What was found, as it is written.
+
+    Args:
+        baseline: the plain fit.
+        holdout: the held-out logs.
+        state: the search.
+        signatures: what each candidate would do.
+        gap: whether there is one.
+        verdict: what follows.
+        where: where the plain model errs.
+        final: the model to describe, with its sensitivities.
+        uncertainty: 95 % interval of each of its coordinates.
+        errors: RMS of noise, and of the held-out logs before and after, m.
+        seed: of what is drawn.
+        records: training and held-out logs.
+    """
+    problem = baseline.problem
+    named = final.candidates if verdict.verdict == "named" else ()
+    best = excitation.best_by_key(state.screening, signatures) if state.screening is not None else {}
+    correlation = correlation_length(problem, final.fit.residual)
+    lines = _candidates(state, best, problem, correlation)
+    weak = excitation.weakest(best, np.sqrt(correlation))
+    alike = excitation.Likenesses((), np.empty((0, 0)))
+    if state.screening is not None and best:
+        alike = excitation.compare(state.screening, signatures, best)
+    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed) if named else []
+    confused = [e.kind for e in effects if e.confusable_with]
+    confused += [c.partition(" at ")[0] for e in effects for c in e.confusable_with]
+    values = {
+        c.name: Number(value=c.value(float(v)), unit=c.unit, ci95=uncertainty[k], at_bound=c.at_bound(float(v)))
+        for k, (c, v) in enumerate(zip(final.fit.model.plain, final.fit.x, strict=False))
+    }
+    train, held = records
+    return Diagnosis.model_validate(
+        {
+            "schema": "bha-diagnosis/1",
+            "verdict": verdict.verdict,
+            "reason": verdict.reason,
+            "effects": effects,
+            "gap": Gap(
+                noise=errors[0],
+                before=errors[1],
+                after=errors[2],
+                holdout=[r.name for r in held],
+                significant=gap.significant,
+                excess=max(0.0, min(gap.mean_square - gap.expected, 1e12)),
+                excess_limit=gap.limit - gap.expected,
+            ),
+            "where": where,
+            "candidates": lines,
+            "residual": plain(describe_residual(holdout, state.best, state.plain, seed) | {"notes": state.notes}),
+            "excitation": plain(
+                {
+                    "classes": alike.classes()[:20],
+                    "least_visible": [{"kind": k, "detectable_over_typical": r} for k, r in weak[:10]],
+                    "next_experiment": excitation.next_experiment(confused, weak),
+                }
+            ),
+            "plain": values,
+            "setup": [text for text in [moved(final.fit.model, uncertainty, final.fit.x)] if text],
+            "logs": [plain(_log_facts(r, "training")) for r in train]
+            + [plain(_log_facts(r, "held out")) for r in held],
+        }
+    )
+
+
+def _log_facts(record: Record, part: str) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        "part": part,
+        "rows": len(record.time),
+        "duration": float(record.time[-1] - record.time[0]),
+        "channels": [asdict(f) for f in (*record.facts, *record.pressure_facts)],
+    }
+
+
+def _candidates(
+    state: Search, best: dict[tuple[str, str], excitation.Best], problem: Problem, correlation: float
+) -> list[CandidateLine]:
+    """All kinds and places by score, with what a refit of them alone gave."""
+    reference = bic(state.plain, problem, correlation)
+    refitted: dict[tuple[str, str], Trial] = {}
+    for trial in state.trials:
+        if len(trial.candidates) == 1:
+            refitted[trial.key[0]] = trial
+    criteria = {key: bic(trial, problem, correlation) - reference for key, trial in refitted.items()}
+    least = min(criteria.values(), default=0.0)
+    lines = []
+    for key, entry in best.items():
+        strengths = entry.scored.candidate.plan.strengths
+        detectable = 3.0 * entry.scored.deviation * np.sqrt(correlation)
+        alone = refitted.get(key)
+        rms = alone.prediction.rms if alone is not None else None
+        lines.append(
+            CandidateLine(
+                kind=key[0],
+                where=key[1],
+                score=entry.scored.share,
+                holdout=rms if rms is not None and np.isfinite(rms) else None,
+                bic=criteria.get(key),
+                distance=criteria[key] - least if key in criteria else None,
+                detectable=float(detectable) if strengths and np.isfinite(detectable) else None,
+                unit=core_ranges()(key[0], strengths[0].name)[0] if strengths else "",
+            )
+        )
+    return sorted(lines, key=lambda c: (c.bic if c.bic is not None else 0.0, -c.score))
+
+
+def _effects(
+    state: Search,
+    looks: excitation.Likenesses,
+    final: Trial,
+    uncertainty: Sequence[tuple[float, float]],
+    problem: Problem,
+    correlation: float,
+    seed: int,
+) -> list[Effect]:
+    result = []
+    draws = coordinate_draws(problem, final.fit, seed)
+    places: dict[tuple[str, str], list[int]] = {}
+    for number, candidate in enumerate(final.candidates):
+        places.setdefault(candidate.key, []).append(number)
+    # Rivals were refitted without further elements: they are compared with the set that had none either.
+    chosen = state.chosen if state.chosen is not None else final
+    for numbers in places.values():
+        number, candidate = numbers[0], final.candidates[numbers[0]]
+        elements = [_Element.of(final.fit, k, draws) for k in numbers]
+        parameters = _numbers(elements, candidate.plan.adding if len(numbers) > 1 else ())
+        spans = [
+            interval
+            for e in elements
+            for c, interval in zip(e.term.coordinates, uncertainty[e.place], strict=True)
+            if str(c.path[-1]) in candidate.plan.passive
+        ]
+        empirical = any(e.term.on_bound(e.x) for e in elements) or any(high < 0.0 for _, high in spans)
+        rivals = _rivals(state, chosen, number, problem, correlation)
+        alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
+        refitted = {t.key[number] for t, _ in rivals}
+        alike += [
+            f"{kind} at {where}"
+            for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]
+            if (kind, where) not in refitted
+        ]
+        shares = confidences(problem, [chosen, *(t for t, _ in rivals[:5])], seed) if rivals else np.ones(1)
+        kinds = [candidate.kind, *dict.fromkeys(a.partition(" at ")[0] for a in alike)]
+        result.append(
+            Effect(
+                kind=candidate.kind,
+                where=candidate.where,
+                parameters=parameters,
+                elements=[_numbers([e]) for e in elements] if len(elements) > 1 else [],
+                confidence=float(shares[0]),
+                confusable_with=list(dict.fromkeys(alike)),
+                empirical=empirical,
+                experiment=excitation.next_experiment(kinds, []) if alike else "",
+                gap_removed=state.shares.get(candidate.key, 0.0),
+            )
+        )
+    # The most important one first, whatever the order in which they were found.
+    result.sort(key=lambda e: -e.gap_removed)
+    return _gathered(result, final.fit.model.core)
+
+
+def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect]:
+    """Effects of one kind at nested places as one: the most important of them with the others as its corrections."""
+    result: list[Effect] = []
+    for effect in effects:
+        for k, main in enumerate(result):
+            if main.kind == effect.kind and nested(main.where, effect.where, core):
+                more = [Correction(where=effect.where, parameters=p) for p in effect.elements or [effect.parameters]]
+                result[k] = main.model_copy(update={"corrections": [*main.corrections, *more]})
+                break
+        else:
+            result.append(effect)
+    return result
+
+
+@dataclass(frozen=True)
+class _Element:
+    """One term of the model with its coordinates, their bootstrap changes, and where they stand in the vector."""
+
+    term: EffectTerm
+    x: Array
+    draws: Array
+    place: slice
+
+    @classmethod
+    def of(cls, fit: Fit, number: int, draws: Array) -> _Element:
+        place = fit.model.place(number)
+        return cls(fit.model.effects[number], fit.x[place], draws[:, place], place)
+
+
+def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[str, Number]:
+    """The numbers of the parameter file with their intervals, whatever coordinates they were fitted in.
+
+    Of several elements the numbers ``adding`` are sums, the others those of the first.
+    """
+    ranges = core_ranges()
+    values = [e.term.parameters([float(v) for v in e.x]) for e in elements]
+    repeats = [[e.term.parameters([float(v) for v in e.x + d]) for d in e.draws] for e in elements]
+    term = elements[0].term
+    result = {}
+    for name in values[0]:
+        counted = range(len(elements)) if name in adding else range(1)
+        found = np.sum([[r[name] for r in repeats[k]] for k in counted], axis=0)
+        interval = None
+        if name not in term.fixed and np.any(found != found[0]):
+            low, high = np.quantile(found, [0.025, 0.975])
+            interval = (float(low), float(high))
+        result[name] = Number(
+            value=float(sum(values[k][name] for k in counted)),
+            unit=ranges(term.kind, name)[0],
+            ci95=interval,
+            at_bound=any(name in elements[k].term.on_bound(elements[k].x) for k in counted),
+        )
+    return result
+
+
+def _rivals(
+    state: Search, final: Trial, number: int, problem: Problem, correlation: float
+) -> list[tuple[Trial, float]]:
+    """Trials that differ from the final one in one effect only, with the distance of their criterion."""
+    mine = bic(final, problem, correlation)
+    found: dict[tuple[tuple[str, str], ...], tuple[Trial, float]] = {}
+    for trial in state.trials:
+        if len(trial.key) == len(final.key) and trial.key != final.key:
+            different = [k for k in range(len(final.key)) if trial.key[k] != final.key[k]]
+            if different == [number]:
+                found[trial.key] = (trial, bic(trial, problem, correlation) - mine)
+    return sorted(found.values(), key=lambda f: f[1])
