@@ -108,6 +108,14 @@ def test_shapes_hang(view: Any) -> None:
         np.testing.assert_allclose(axes.lines[0].get_xydata()[-1], [100.0, 900.0])
 
 
+@pytest.mark.parametrize("view", ["projections", "space"])
+def test_the_base_is_drawn_where_it_stands(view: Any) -> None:
+    backbone = np.array([0.4, 0.0, 1.0]) + np.linspace(0, 1, 5)[:, None] * [0.1, 0.0, -0.5]
+    (mark,) = [line for line in plot_shape([0.0], [backbone], view=view).axes[0].lines if line.get_marker() == "s"]
+    found = mark.get_xydata()[0] if view == "projections" else [data[0] for data in mark.get_data_3d()]
+    np.testing.assert_allclose(found, [400.0, 1000.0] if view == "projections" else [400.0, 0.0, 1000.0])
+
+
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_the_same_figure_gives_the_same_bytes_and_settings_stay(tmp_path: Path, kind: str) -> None:
     before = dict(matplotlib.rcParams)

@@ -81,7 +81,7 @@ class _Task:
         rest = found.rest_near(self.arm, self.length_middle)
         self.start_pressures, self.start_lengths = rest.pressures, rest.lengths
         #: Length of the straight arm with all lengths at their longest, m: no tip is farther away.
-        self.span = float(np.linalg.norm(self.arm.forward_kinematics(found.longest)[0][-1]))
+        self.span = float(np.linalg.norm(self._from_base(self.arm.forward_kinematics(found.longest)[0][-1])))
         inputs, lengths = len(found.low), len(found.shortest)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (inputs,), np.float32)
         size = 2 * lengths + inputs + 6
@@ -125,13 +125,17 @@ class _Task:
         if target.shape not in shapes or not np.all(np.isfinite(target)):
             allowed = " or ".join(map(str, shapes))
             raise InputError(f"options: target: finite numbers of shape {allowed} are needed, found {value!r}")
-        far = float(np.linalg.norm(target, axis=-1).max())
+        far = float(np.linalg.norm(self._from_base(target), axis=-1).max())
         if far > self.span:
             raise InputError(
                 f"options: target: {far:.3g} m from the base, {self.arm.name} is at most {self.span:.3g} m long; "
                 "choose one within reach"
             )
         return target
+
+    def _from_base(self, positions: Floats) -> Floats:
+        """Positions of the world (..., 3), m, as the base sees them."""
+        return self.arm.parameters.base_pose.from_world(positions)
 
     def target(self, rng: np.random.Generator) -> Floats:
         """A random reachable target (3,), m."""

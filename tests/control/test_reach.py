@@ -10,7 +10,7 @@ import bha
 from bha.control import Limits, Reference, hold, point_to_point, reachability, tip_circle, tip_line, tip_samples
 from bha.control.reach import comfortable_radius
 from bha.errors import InputError, ReferenceWarning
-from bha.parameters import ArmParameters
+from bha.parameters import ArmParameters, BaseParameters
 
 pytest.importorskip("ruckig")
 
@@ -162,3 +162,31 @@ def test_the_radius_suits_the_arm() -> None:
     assert comfortable_radius(NOMINAL, height - 0.05, weak) < 0.7 * radius
     with pytest.raises(InputError, match="has 6 lengths"):
         reachability(NOMINAL, hold(np.full(6, 0.1), 0.1))
+
+
+def moved(arm: bha.Arm, position: tuple[float, float, float], rotation: tuple[float, float, float]) -> bha.Arm:
+    """The arm elsewhere in the world, with gravity as it was to its base."""
+    base = BaseParameters(position=position, rotation=rotation)
+    gravity = base.rotation_matrix @ arm.parameters.gravity
+    mapping = {**arm.parameters.to_mapping(), "gravity": gravity.tolist()}
+    mapping["base"] = {"position": list(position), "rotation": list(rotation)}
+    return bha.Arm(ArmParameters.from_mapping(mapping))
+
+
+def test_circles_go_with_the_base() -> None:
+    """Moved and turned together with gravity, an arm has the same circle, elsewhere."""
+    arm = moved(NOMINAL, (0.4, -0.2, 1.1), (0.3, -0.8, 0.5))
+    here, there = (tip_circle(a, turns=0.25) for a in (NOMINAL, arm))
+    np.testing.assert_allclose(there.lengths, here.lengths, atol=1e-9)
+    expected = arm.parameters.base_pose.in_world(here.tip_positions)
+    np.testing.assert_allclose(there.tip_positions, expected, atol=1e-9)
+    np.testing.assert_allclose(arm.parameters.base_pose.from_world(expected), here.tip_positions, atol=1e-12)
+
+
+def test_targets_are_as_far_as_the_base_says() -> None:
+    environments = pytest.importorskip("bha.environments")
+    arm = moved(NOMINAL, (0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
+    with environments.ReachEnv(arm) as env:
+        env.reset(seed=0, options={"target": (0.0, 0.0, 5.7)})
+        with pytest.raises(InputError, match=r"target: 4\.3 m from the base"):
+            env.reset(seed=0, options={"target": (0.0, 0.0, 0.7)})

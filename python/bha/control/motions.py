@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha.arrays import floats
 from bha.control.limits import Limits
-from bha.control.reach import comfortable_radius, warn_of_reach
+from bha.control.reach import circle_around_base, comfortable_radius, straight_height, warn_of_reach
 from bha.control.reference import Reference, row_count, samples, spread, vector
 from bha.errors import InputError
 from bha.support.extras import import_extra
@@ -189,8 +189,8 @@ def tip_circle(
         arm: the arm.
         radius: m; None: 0.7 of the largest at that height that pressures and lengths within their ranges can hold, and
             at most a fifth of the arm's height.
-        height: z of the circle in the world, m; None: 5 cm less than the straight arm's at the middle of its
-            lengths, for arms below half a metre a tenth less.
+        height: of the circle along that axis from the base, m; None: 5 cm less than the straight arm's at the middle of
+            its lengths, for arms below half a metre a tenth less.
         turns: how often.
         options: as for :func:`tip_path`.
 
@@ -203,14 +203,12 @@ def tip_circle(
             raise InputError(f"{name}: {value}; a positive number is needed")
     limits = options.get("limits") or Limits.of(arm)
     if height is None:
-        heads, _ = arm.forward_kinematics(limits.middle)
-        straight = float(heads[-1, 2])
+        straight = straight_height(arm, limits)
         height = straight - min(0.05, 0.1 * straight)
     z, r = height, comfortable_radius(arm, height, limits) if radius is None else float(radius)
 
     def path(s: Floats) -> Floats:
-        angle = s / r
-        return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)])
+        return circle_around_base(arm, r, z, s / r)
 
     return tip_path(arm, path, 2 * math.pi * r * turns, **options)
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bha.control.limits import Limits
 from bha.control.reference import Reference
 from bha.errors import BhaError, InputError, ReferenceWarning
+from bha.support.spans import spans_of
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -124,9 +125,7 @@ class Reachability:
 
     def _stretches(self) -> list[tuple[float, float]]:
         """First and last time of each stretch out of reach, the three longest."""
-        out = np.concatenate([[False], ~self.reached, [False]])
-        edges = np.flatnonzero(np.diff(out.astype(int)))
-        pairs = [(float(self.time[a]), float(self.time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        pairs = [(float(self.time[a]), float(self.time[b - 1])) for a, b in spans_of(~self.reached)]
         return sorted(sorted(pairs, key=lambda pair: pair[0] - pair[1])[:3])
 
 
@@ -173,8 +172,19 @@ def warn_of_reach(arm: Arm, reference: Reference, limits: Limits | None) -> Refe
     return reference
 
 
+def straight_height(arm: Arm, limits: Limits) -> float:
+    """How far along the base's axis the tip of the straight arm is at the middle of its lengths, m."""
+    return float(arm.parameters.base_pose.from_world(_tip(arm, limits.middle))[2])
+
+
+def circle_around_base(arm: Arm, radius: float, height: float, angles: Floats) -> Floats:
+    """Points of a circle around the base's axis, ``height`` along it, at ``angles`` (k,), rad: world, m, (k, 3)."""
+    points = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full_like(angles, height)])
+    return arm.parameters.base_pose.in_world(points)
+
+
 def comfortable_radius(arm: Arm, height: float, limits: Limits) -> float:
-    """Radius of a circle of the tip at ``height`` that keeps well within reach, m.
+    """Radius of a circle of the tip around the base's axis, at ``height`` along it, that keeps well within reach, m.
 
     It is 0.7 of the largest, and at most a fifth of the arm's height.
 
@@ -188,7 +198,7 @@ def comfortable_radius(arm: Arm, height: float, limits: Limits) -> float:
 
     def reached(radius: float) -> bool:
         nonlocal trouble
-        tips = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(_ANGLES, height)])
+        tips = circle_around_base(arm, radius, height, angles)
         try:
             lengths = limits.resolved(arm, tips)
         except BhaError as error:
@@ -287,7 +297,7 @@ def _tip(arm: Arm, lengths: Floats) -> Floats:
 
 def _height(arm: Arm, limits: Limits) -> float:
     """Height of the straight arm at the middle of its lengths, m."""
-    return float(abs(_tip(arm, limits.middle)[2]))
+    return abs(straight_height(arm, limits))
 
 
 def _millimetres(point: Floats) -> str:

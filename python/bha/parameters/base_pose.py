@@ -72,3 +72,7 @@ class BaseParameters(Table):
         """Positions (..., 3), m, of the world in the base's frame."""
         moved = np.asarray(positions, dtype=np.float64) - self.position
         return np.asarray(moved @ self.rotation_matrix)
+
+    def in_world(self, positions: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Positions (..., 3), m, of the base's frame in the world."""
+        return np.asarray(np.asarray(positions, dtype=np.float64) @ self.rotation_matrix.T + self.position)

@@ -67,7 +67,7 @@ def _projections(
             for time, line, dot, color in zip(times, lines, dots, colors, strict=True):
                 axes.plot(line[:, axis], line[:, 2], color=color, linewidth=1.6, label=f"t = {time:.3g} s")
                 axes.plot(dot[:, axis], dot[:, 2], "o", color=color, markersize=3.5)
-            axes.plot(0, 0, "s", color="black", markersize=5, clip_on=False)
+            axes.plot(lines[0, 0, axis], lines[0, 0, 2], "s", color="black", markersize=5, clip_on=False)
             axes.set_xlabel(f"{'xy'[axis]} [mm]")
             axes.set_aspect("equal", adjustable="box")
         left.set_ylabel("z [mm]")
@@ -93,7 +93,7 @@ def _in_space(
         for time, line, dot, color in zip(times, lines, dots, colors, strict=True):
             axes.plot(*line.T, color=color, linewidth=1.6, label=f"t = {time:.3g} s")
             axes.plot(*dot.T, "o", color=color, markersize=3.5)
-        axes.plot(0, 0, 0, "s", color="black", markersize=5)
+        axes.plot(*lines[0, 0], "s", color="black", markersize=5)
         # A plane motion must not squeeze the axis across it: x and y get the greater of both spans.
         low, high = lines[..., :2].min(axis=(0, 1)), lines[..., :2].max(axis=(0, 1))
         half = max(0.55 * float(np.max(high - low)), 0.2 * float(np.ptp(lines[..., 2])))
