@@ -1,6 +1,6 @@
 """How often ``bha check`` finds made-up faults, and how often it finds one where there is none.
 
-    python benches/check_faults.py             # the table of docs/check.md; its first row: --only none --seeds 6
+    python benches/check_faults.py             # the table of docs/guides/check.md; its first row: --only none --seeds 6
     python benches/check_faults.py --tune      # other seeds: thresholds were set on these
     python benches/check_faults.py --only tubes gravity --verbose
 

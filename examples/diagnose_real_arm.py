@@ -5,7 +5,8 @@ it has to find that they lag, and how: the measured ones, fitted here beside it,
 it says what is missing beyond. Heads' positions are all that is compared; the model starts from the shipped guess, with
 a rest length for each chamber as in identify_real_arm.py. January logs only: the arm was taken apart before April.
 
-FOLDER holds the logs of github.com/ASU-RISE-Lab/4-chamber-softarm-control, converted as docs/logs.md describes.
+FOLDER holds the logs of github.com/ASU-RISE-Lab/4-chamber-softarm-control, converted as
+docs/reference/logs.md describes.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ measured first pose to the end. Nothing beyond the paper's model is used: polyno
 damping, rest lengths. Prints the error of each head and axis before and after beside the arm's repeatability, and
 writes a parameter file for each session. Takes two to three minutes.
 
-FOLDER holds the logs of github.com/ASU-RISE-Lab/4-chamber-softarm-control, converted as docs/logs.md describes.
+FOLDER holds the logs of github.com/ASU-RISE-Lab/4-chamber-softarm-control, converted as
+docs/reference/logs.md describes.
 """
 
 from __future__ import annotations

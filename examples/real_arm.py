@@ -2,7 +2,7 @@
 
 Prints the error per head and axis beside the arm's repeatability (how far repeats of the same commands differ) and
 writes a figure for each log. The logs are those of github.com/ASU-RISE-Lab/4-chamber-softarm-control, converted as
-docs/logs.md describes. The arm file is geometry and guesses: what identification has to improve.
+docs/reference/logs.md describes. The arm file is geometry and guesses: what identification has to improve.
 """
 
 from __future__ import annotations

@@ -163,7 +163,7 @@ def test_the_core_refuses_what_only_it_can_judge() -> None:
 
 def test_the_table_of_the_docs_is_that_of_the_registry() -> None:
     rows = {}
-    for line in (ROOT / "docs/effects.md").read_text(encoding="utf-8").splitlines():
+    for line in (ROOT / "docs/reference/effects.md").read_text(encoding="utf-8").splitlines():
         if found := re.match(r"\| `(\w+)` \| ([^|]*) \|", line):
             rows[found[1]] = (found[2], line)
     assert list(rows) == list(EFFECT_KINDS)

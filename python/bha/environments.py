@@ -9,8 +9,8 @@ The task: bring the tip (head of the last section) to a random reachable point a
 - Reward: minus the distance to the target, m, for each step.
 - An episode ends (terminated) only if the motion leaves what the model describes: a mean length that is not positive,
   more than one and a half turns. Pressures that jump over their whole range at random can make a lightly damped arm
-  with ideal pneumatics do so, with symplectic Euler at its longest step more often than with RK4 (docs/control.md).
-  It is cut (truncated) after ``max_episode_steps``.
+  with ideal pneumatics do so, with symplectic Euler at its longest step more often than with RK4
+  (docs/guides/control.md). It is cut (truncated) after ``max_episode_steps``.
 - Method and step of the integration are chosen for the arm: RK4, or for stiff arms a linearly implicit method
   (:func:`bha.control.stepper.plan_steps`). A step given with an explicit method that is not stable with it is an
   ``InputError``.

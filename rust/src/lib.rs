@@ -64,5 +64,5 @@ pub mod virtual_arm;
 
 /// The examples of the documentation that are Rust.
 #[cfg(doctest)]
-#[doc = include_str!("../../docs/effects.md")]
+#[doc = include_str!("../../docs/reference/effects.md")]
 struct Documentation;

@@ -1,7 +1,7 @@
 """Full pneumatics a second time, in plain Python from the documents alone: no code in common with the core.
 
-Sources: ISO 6358-1:2013 (flow), ``docs/control.md`` (chamber, spool, pressure controller). One input; its volume over
-time is given. Integrated by scipy to tight tolerances, or by explicit Runge-Kutta steps for comparison.
+Sources: ISO 6358-1:2013 (flow), ``docs/guides/control.md`` (chamber, spool, pressure controller). One input; its
+volume over time is given. Integrated by scipy to tight tolerances, or by explicit Runge-Kutta steps for comparison.
 Units: SI, pressures absolute.
 """
 

@@ -1,4 +1,4 @@
-"""Whether logs and an arm's file belong together: ``bha.check(arm, logs)``; ``docs/check.md`` explains it."""
+"""Whether logs and an arm's file belong together: ``bha.check(arm, logs)``; ``docs/guides/check.md`` explains it."""
 
 from bha.checkup.checkup import Checkup, check, check_recordings, checked
 from bha.checkup.finding import Explanation, Finding

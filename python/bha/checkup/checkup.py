@@ -105,7 +105,7 @@ def check(
 
     Pressures and lengths beside their ranges, gauge for absolute, units, implausible numbers of the file, the sign of
     gravity, tubes and length sensors exchanged, chambers at another azimuth, a camera turned, mirrored or elsewhere.
-    What acts alike is said together with what tells it apart. See ``docs/check.md``.
+    What acts alike is said together with what tells it apart. See ``docs/guides/check.md``.
 
     Args:
         arm: the arm.

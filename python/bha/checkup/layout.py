@@ -5,7 +5,7 @@ lengthening that it drives, ``axial[i, j]``, m^2: sums over the bellows of the s
 ``- area * radius * exp(i angle)`` and of ``area``.
 Frame: that of the section; real part along x, imaginary part along y. The head of a section moves away from a bellows
 under pressure, hence the sign.
-Source: docs/model.md: q_k = l - r (u cos a_k + v sin a_k), the bending being w = u + i v.
+Source: docs/explanation/model.md: q_k = l - r (u cos a_k + v sin a_k), the bending being w = u + i v.
 Validity: directions and the ratio of areas. How far the arm moves depends on stiffness, which is known badly, and is
 left to the logs.
 """

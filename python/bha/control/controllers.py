@@ -1,7 +1,8 @@
 """Controllers that run in the core. Each is an immutable description; :meth:`Controller.build` makes one that runs.
 
 With e = reference minus length, coordinates the bellows lengths, and M q'' + C q' + N = tau (paper (48)); the laws in
-full are in ``docs/control.md``. All commands stay within the limits; while an input is at one, integrals only unwind.
+full are in ``docs/guides/control.md``. All commands stay within the limits; while an input is at one, integrals only
+unwind.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Find where simulation and measurement disagree, name the missing effect, add it, show the gap shrink.
 
 ``bha.diagnose(arm, logs, holdout=...)`` checks the logs, runs the workflow and writes what it found;
-``docs/diagnosis.md`` explains it. ``run`` is the workflow alone, for those who want the models behind a ``Diagnosis``
-too (an ``Investigation``; each ``Trial`` in it is a fit with its prediction of held-out logs) or other ``Rules``.
+``docs/guides/diagnosis.md`` explains it. ``run`` is the workflow alone, for those who want the models behind a
+``Diagnosis`` too (an ``Investigation``; each ``Trial`` in it is a fit with its prediction of held-out logs) or other
+``Rules``.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def diagnose(
 
     The plain model is re-identified first; then its error on held-out logs is tested against noise, all effects of the
     registry are screened in all places, the promising ones are refitted together with the plain parameters, and those
-    that earn their place on the held-out logs are named. See ``docs/diagnosis.md``.
+    that earn their place on the held-out logs are named. See ``docs/guides/diagnosis.md``.
 
     Args:
         arm: the arm as its parameter file says; its identifiable values may be off by some 15 %.

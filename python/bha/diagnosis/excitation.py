@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 #: Likeness from which on two candidates count as one class.
 ALIKE = 0.95
 
-#: The experiment that shows a kind best (see docs/diagnosis.md).
+#: The experiment that shows a kind best (see docs/guides/diagnosis.md).
 EXPERIMENTS: dict[str, str] = {
     "creep": "step and hold one bellows for five of its relaxation times, steps of both signs",
     "hysteresis": "slow triangular pressures of decreasing amplitude at two speeds a factor five apart: "

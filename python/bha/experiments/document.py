@@ -43,11 +43,11 @@ def document(outcomes: Sequence[Outcome], body: VirtualBody, sensors: VirtualSen
         "the place of Festo's. `make experiments` runs all of it again and writes this page; `bha experiment fig12` "
         f"runs one. {held} of {total} claims hold here.",
         "## What is measured",
-        "The virtual arm is built after [`bha_nominal`](parameter_files.md) and is not the model that is judged "
-        f"([model](model.md)): {100 * (1 - body.plate_share):.0f} % of each section's mass is spread over "
-        f"{body.slices} slices along its arc, the rest is in the head plate; every bellows creeps (Maxwell branches, "
-        f"share of its stiffness: {branches}); stiffness scatters by {100 * body.scatter:.0f} % from bellows to "
-        f"bellows; bellows work on their own change of length (`{body.force_model}`); chamber pressures lag "
+        "The virtual arm is built after [`bha_nominal`](reference/parameter_files.md) and is not the model that is "
+        f"judged ([model](explanation/model.md)): {100 * (1 - body.plate_share):.0f} % of each section's mass is "
+        f"spread over {body.slices} slices along its arc, the rest is in the head plate; every bellows creeps (Maxwell "
+        f"branches, share of its stiffness: {branches}); stiffness scatters by {100 * body.scatter:.0f} % from bellows "
+        f"to bellows; bellows work on their own change of length (`{body.force_model}`); chamber pressures lag "
         f"{1e3 * sensors.pressure_lag:.0f} ms behind the commanded ones. It is integrated by code of its own. "
         f"Sensors sample every millisecond: lengths with {1e3 * sensors.length_noise:g} mm noise in steps of "
         f"{1e3 * sensors.length_quantum:g} mm, pressures with {1e-2 * sensors.pressure_noise:g} mbar noise in steps "

@@ -1,4 +1,4 @@
-"""What `end_force` does to energy and stability, beside `work_conjugate`: the numbers of ``docs/model.md``."""
+"""What `end_force` does to energy and stability, beside `work_conjugate`: numbers of ``docs/explanation/model.md``."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper, or of ``docs/model.md``, and what came out here.
+    """A sentence of the paper, or of ``docs/explanation/model.md``, and what came out here.
 
     Attributes:
         paper: what is claimed, in few words.

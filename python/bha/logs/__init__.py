@@ -1,4 +1,4 @@
-"""Measured logs: files, arrays and tables as columns in SI units; ``docs/logs.md`` says what they may look like.
+"""Measured logs: files, arrays and tables as columns in SI units; ``docs/reference/logs.md`` describes them.
 
 ``log``: the class. ``headings``, ``columns`` and ``units``: what a heading means, and what is refused.
 ``content``: what a log holds. ``formats`` and ``arrays``: files and tables in memory.

@@ -1,7 +1,7 @@
 """From measured logs into the model, through one door.
 
 ``Recording(arm, log)`` decides once, for every command, what drives the arm, what was measured of it and where, and
-what each sample is worth; ``docs/recordings.md`` explains it.
+what each sample is worth; ``docs/reference/recordings.md`` explains it.
 """
 
 from bha.recordings.outputs import Observation, Output

@@ -16,7 +16,7 @@ Spacing = Literal["linear", "log"]
 class Variable(Table):
     """A ``[[vary]]`` table: one thing that differs from run to run."""
 
-    what: str = key("the path of a parameter, or input..., initial... as in docs/sweeps.md", strict=True, min_length=1)
+    what: str = key("the path of a parameter, or input..., initial... (docs: sweeps)", strict=True, min_length=1)
     distribution: Distribution | None = key(
         '"uniform", "log_uniform", "normal", "log_normal" or "choice"; not in a grid', default=None
     )

@@ -16,7 +16,7 @@ pub enum ForceModel {
     WorkConjugate,
 }
 
-/// An arm. SI units; frames as in `docs/model.md`.
+/// An arm. SI units; frames as in `docs/explanation/model.md`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmParameters {

@@ -2,7 +2,7 @@
 //!
 //! Source: paper (16), (33), (36)-(39), with U_bend as the integral of the bending moment; the springs' energy is the
 //! integral of (26)'s spring force over each bellows' own length. With `end_force` the springs' work on the arm is not the
-//! change of this energy (`docs/model.md`).
+//! change of this energy (`docs/explanation/model.md`).
 
 use super::Workspace;
 use super::recursion::{body_tensor, mass_tensor};

@@ -1,6 +1,6 @@
 //! Bellows forces: pressure, spring and damping, and how they act on the arm.
 //!
-//! Source: paper (25)-(27), (29)-(32); `work_conjugate` is ours (`docs/model.md`).
+//! Source: paper (25)-(27), (29)-(32); `work_conjugate` is ours (`docs/explanation/model.md`).
 //! Sign: a positive force pushes the two ends of the bellows apart. F = A_P (p - p_amb) - F_spr(b) - d b', with b the
 //! length of this bellows, b = l - x u - y v for a bellows at (x, y) of the section.
 //!

@@ -1,7 +1,7 @@
 //! The equations of motion, M x'' = f, summed body by body, and the energy.
 //!
 //! Source: see the module. Bellows forces: paper (25)-(32), here by the velocity of their points of attack, and the
-//! virtual work of `docs/model.md`; a positive force lengthens.
+//! virtual work of `docs/explanation/model.md`; a positive force lengthens.
 
 use super::arc::ArcPoint;
 use super::frame::{Frame, product, times};

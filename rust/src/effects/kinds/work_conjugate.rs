@@ -1,6 +1,6 @@
 //! The other force model: bellows forces as `work_conjugate` where the file says `end_force`, and the reverse.
 //!
-//! Source: `docs/model.md`, force models; paper (27)-(32) for `end_force`. Acts by changing the arm.
+//! Source: `docs/explanation/model.md`, force models; paper (27)-(32) for `end_force`. Acts by changing the arm.
 
 use crate::body::Body;
 use crate::body::parameters::ForceModel;
