@@ -17,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := $(BIN)/python -m pip --quiet
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint bench wheel experiments blind clean
+.PHONY: help demo test lint bench wheel docs experiments blind clean
 
 help: ## List what there is
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -52,6 +52,11 @@ wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it
 	$(BIN)/maturin build --release --zig --compatibility manylinux2014 --out dist
 	.ci/prove-wheel $(BIN)/python dist
 
+# Notebooks run when they have changed, pictures when the package has. `clean` forgets both.
+docs: $(VENV)/.ready-all $(VENV)/.docs ## Build the documentation: out/docs/index.html
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -b html -d $(OUT)/doctrees \
+	  -D nb_execution_cache_path=$(abspath $(OUT))/notebooks docs $(OUT)/docs
+
 experiments: $(VENV)/.ready-all ## The paper's experiments again: docs/experiments.md
 	$(BIN)/bha experiment all --out docs
 
@@ -74,7 +79,7 @@ else
 endif
 
 clean: ## Remove all that was built: .venv, target, out, dist and caches
-	rm -rf $(VENV) target out dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) target out docs/_generated dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find python tests benches examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 	rm -f python/bha/_core*.so python/bha/_core*.pyd
 
@@ -90,6 +95,11 @@ $(VENV)/.ready-%: $(VENV)/.build-tools $(CORE_SOURCES)
 $(VENV)/.build-tools: $(VENV)/.created pyproject.toml
 	@$(PIP) install $$($(BIN)/python -c \
 	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['build-system']['requires'])")
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.created pyproject.toml
+	@$(PIP) install $$($(BIN)/python -c \
+	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['dependency-groups']['docs'])")
 	@touch $@
 
 $(VENV)/.zig: $(VENV)/.created

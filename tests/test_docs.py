@@ -1,4 +1,5 @@
-"""Every snippet of README and docs runs, each document in a folder of its own and from top to bottom.
+"""Every snippet of README and docs runs, each document in a folder of its own and from top to bottom; links and the
+navigation of the site lead somewhere.
 
 - ``python``: runs; what earlier snippets of the document defined is known.
 - ``console``: what follows ``$`` runs in a shell and must succeed; lines of output, where there are any, must appear
@@ -6,6 +7,7 @@
 - ``toml NAME`` and ``csv NAME``: written to a file of that name, for the snippets after it.
 - ``rust``: compiled and run by ``cargo test --doc``, which ``rust/src/lib.rs`` tells of the document.
 - ``text``: a line to be put into a file, not run.
+- ``{directive}``: for the site, which `make docs` builds; code cells of notebooks, too, run there.
 - ``sh``: instructions for a checkout (make, pip), which continuous integration runs; nothing else may stand there.
 """
 
@@ -13,8 +15,11 @@ from __future__ import annotations
 
 import doctest
 import os
+import re
 import subprocess
 import sysconfig
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +28,26 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+DOCUMENTS = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+DIRECTIVE = re.compile(r"\{[\w-]+\}")
 RUN_BY_CONTINUOUS_INTEGRATION = ("make", "pip")
 
 
+@cache
+def parsed(document: Path) -> list[Token]:
+    return MarkdownIt().enable("table").parse(document.read_text(encoding="utf-8"))
+
+
 def snippets(document: Path) -> list[Token]:
-    return [token for token in MarkdownIt().parse(document.read_text(encoding="utf-8")) if token.type == "fence"]
+    return [token for token in parsed(document) if token.type == "fence"]
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+#: Decisions keep the commands of their day.
+RUN = [document for document in DOCUMENTS if document.parent.name != "decisions"]
+
+
+@pytest.mark.parametrize("document", RUN, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_snippets(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for folder in ("examples", "python"):
         (tmp_path / folder).symlink_to(ROOT / folder)
@@ -50,9 +66,9 @@ def test_snippets(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         elif language in ("toml", "csv") and names:
             Path(names[0]).write_text(token.content, encoding="utf-8")
         elif language == "rust":
-            included = f'include_str!("../../docs/{document.name}")'
+            included = f'include_str!("../../{document.relative_to(ROOT).as_posix()}")'
             assert included in (ROOT / "rust/src/lib.rs").read_text(), f"{place}: cargo test does not compile it"
-        elif token.info == "text":
+        elif token.info == "text" or DIRECTIVE.fullmatch(language):
             pass
         elif language == "sh":
             commands = [line.split()[0] for line in token.content.splitlines() if line.strip()]
@@ -72,10 +88,48 @@ def run_console(text: str, place: str) -> None:
             pytest.fail(f"{place}: {command}\nexpected:\n{expected}\nfound:\n{done.stdout}")
 
 
+def anchors(document: Path) -> set[str]:
+    """The anchors of a document's headings, as code hosts and MyST make them."""
+    tokens = parsed(document)
+    headings = [inline.content for before, inline in pairwise(tokens) if before.type == "heading_open"]
+    return {re.sub(r"[^\w\- ]", "", heading.lower().strip()).replace(" ", "-") for heading in headings}
+
+
 def test_links_lead_somewhere() -> None:
     for document in [*DOCUMENTS, ROOT / "CONTRIBUTING.md"]:
-        for token in MarkdownIt().parse(document.read_text(encoding="utf-8")):
-            for child in token.children or []:
-                target = str(child.attrs.get("href", "")).partition("#")[0]
-                if child.type == "link_open" and target and "://" not in target:
-                    assert (document.parent / target).exists(), f"{document.name}: {target} is not there"
+        for child in (child for token in parsed(document) for child in token.children or []):
+            link = str(child.attrs.get("href" if child.type == "link_open" else "src", ""))
+            target, _, anchor = link.partition("#")
+            if not link or "://" in link:
+                continue
+            place = document.parent / target if target else document
+            assert place.exists(), f"{document.relative_to(ROOT)}: {link} is not there"
+            if anchor and place.suffix == ".md":
+                assert anchor in anchors(place), f"{document.relative_to(ROOT)}: {target} has no heading {anchor!r}"
+
+
+def test_the_site_leads_to_every_page_once() -> None:
+    pages = {page for kind in ("*.md", "*.ipynb") for page in DOCS.rglob(kind) if "_generated" not in page.parts}
+    reached = [DOCS / "index.md"]
+    for page in reached:
+        for token in snippets(page) if page.suffix == ".md" else ():
+            if token.info.strip() == "{toctree}":
+                lines = [line for line in token.content.splitlines() if line and not line.startswith(":")]
+                for line in lines:
+                    found = sorted(entry for kind in (".md", ".ipynb") for entry in page.parent.glob(line + kind))
+                    assert found, f"{page.relative_to(ROOT)}: {line} in its toctree is not there"
+                    # Resolved: a page may stand in another folder than the one that lists it.
+                    reached += [entry.resolve() for entry in found]
+    assert len(reached) == len(set(reached)), "a page stands in two toctrees"
+    assert set(reached) == pages, f"in no toctree: {sorted(page.name for page in pages - set(reached))}"
+
+
+def test_pictures_of_the_site_are_drawn_by_scripts_of_the_repository() -> None:
+    shown = {
+        token.info.split(maxsplit=1)[1]
+        for document in DOCUMENTS
+        for token in snippets(document)
+        if token.info.startswith("{picture}")
+    }
+    scripts = {*(ROOT / "examples/gallery").glob("*.py"), *(DOCS / "sketches").glob("[!_]*.py")}
+    assert shown == {script.relative_to(ROOT).as_posix() for script in scripts}

@@ -5,8 +5,8 @@ map of its pressures to good approximation, and turning or mirroring the section
 mirrors w.
 Frame: w in the frame of the section's base.
 Source: docs/explanation/model.md, "Coordinates and pose". A head at p = (x, y, z) in the frame of its section's base,
-after a rigid piece h, is bent by psi with tan(psi / 2) = |(x, y)| / (z - base_offset + h) about the normal of (x, y): the
-chord of an arc makes half of its angle. Closed form, no iteration.
+after a rigid piece h, is bent by psi with tan(psi / 2) = |(x, y)| / (z - base_offset + h) about the normal of (x, y):
+the chord of an arc makes half of its angle. Closed form, no iteration.
 Validity: constant curvature; heads up to half a turn.
 """
 

@@ -223,8 +223,8 @@ class FeedbackLinearization(Controller):
 class LinearQuadraticRegulator(Controller):
     """A constant gain from the linearization at a pose, on top of the static model at the reference.
 
-    p = p_0(q_ref) + K (x_ref - x), K for the cost sum |e / length_scale|^2 + |e' / rate_scale|^2 + |dp /
-    pressure_scale|^2.
+    p = p_0(q_ref) + K (x_ref - x), K for the cost ``sum |e / length_scale|^2 + |e' / rate_scale|^2 +
+    |dp / pressure_scale|^2``.
 
     Attributes:
         pose: lengths (3n,) at which the gain is computed, m; None: the middle of their ranges.

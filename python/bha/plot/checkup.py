@@ -31,9 +31,8 @@ def plot_checkup(checkup: Checkup, *, title: str | None = None) -> Figure:
     """Draw what the logs of a check hold, a column of panels for each section.
 
     Top: absolute pressures of the section's inputs, kPa, with the permitted range. Then lengths, mm, with theirs, and
-        the
-    position of the section's head, mm, where measured. Grey: steady stretches. Ticks at the lower edge: readings that
-    do not count. Bottom: which way each pressure bends the section, dashed by the arm's file, solid by the logs.
+    the position of the section's head, mm, where measured. Grey: steady stretches. Ticks at the lower edge: readings
+    that do not count. Bottom: which way each pressure bends the section, dashed by the arm's file, solid by the logs.
     Several logs stand one after the other.
 
     Args:
