@@ -53,7 +53,7 @@ wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it
 	.ci/prove-wheel $(BIN)/python dist
 
 # Notebooks run when they have changed, pictures when the package has. `clean` forgets both.
-docs: $(VENV)/.ready-all $(VENV)/.docs ## Build the documentation: out/docs/index.html
+docs: $(VENV)/.ready-docs ## Build the documentation: out/docs/index.html
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -b html -d $(OUT)/doctrees \
 	  -D nb_execution_cache_path=$(abspath $(OUT))/notebooks docs $(OUT)/docs
 
@@ -83,23 +83,21 @@ clean: ## Remove all that was built: .venv, target, out, dist and caches
 	find python tests benches examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 	rm -f python/bha/_core*.so python/bha/_core*.pyd
 
-# The package in place, with one of its extras: the compiled core and what it needs.
+# The package in place with all extras and one of the dependency groups (all: none of them): the compiled core and what
+# it needs.
 $(VENV)/.ready-%: $(VENV)/.build-tools $(CORE_SOURCES)
 	@command -v cargo >/dev/null 2>&1 || { \
 	  echo "make: cargo was not found. Install Rust from https://rustup.rs, then run make again." >&2; exit 1; }
-	@echo "Compiling the core and installing bha[$*] into $(VENV); the first time takes a few minutes ..."
-	@$(PIP) install --no-build-isolation --editable '.[$*]'
+	@echo "Compiling the core and installing bha for $* into $(VENV); the first time takes a few minutes ..."
+	@$(PIP) install --no-build-isolation --editable '.[all]' $(if $(filter-out all,$*),--group $*)
 	@touch $@
 
-# What pyproject.toml asks of a build, installed once: with pip's isolation every rebuild would start from nothing.
+# A pip that knows dependency groups, then what pyproject.toml asks of a build, installed once: with pip's isolation
+# every rebuild would start from nothing.
 $(VENV)/.build-tools: $(VENV)/.created pyproject.toml
+	@$(PIP) install 'pip>=25.1'
 	@$(PIP) install $$($(BIN)/python -c \
 	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['build-system']['requires'])")
-	@touch $@
-
-$(VENV)/.docs: $(VENV)/.created pyproject.toml
-	@$(PIP) install $$($(BIN)/python -c \
-	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['dependency-groups']['docs'])")
 	@touch $@
 
 $(VENV)/.zig: $(VENV)/.created
