@@ -267,7 +267,7 @@ PROVENANCE_FAULTS = [
     (
         '"published"',
         "7",
-        'section 1: provenance.inertia: found 7; allowed: one of "published", "assumed", "identified", or',
+        'section 1: provenance.inertia: found 7; allowed: one of "published", "measured", "assumed", "identified", or',
     ),
     ("inertia =", "inertja =", "provenance.inertja: there is no such value in this table; nearest allowed: 'inertia'"),
     ("[0.4, 0.6]", "[[0.4, 0.6]]", "provenance.mass.ci95: found a list of 1; allowed: a single one, as the value has"),

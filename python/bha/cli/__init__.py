@@ -13,6 +13,7 @@ from bha.cli.terminal import errors_as_lines
 #: Subcommand -> (module, attribute, line of help). A new command is a file and a line here.
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "robots": ("bha.cli.robots", "robots", "The arms that ship with the package."),
+    "new": ("bha.cli.new", "new", "A commented parameter file of a new arm, by questions or options."),
     "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
     "check": ("bha.cli.check", "check", "Whether logs and a parameter file belong together."),
     "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),

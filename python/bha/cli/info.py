@@ -24,15 +24,16 @@ def info(arm: Arm, as_json: bool) -> None:
     if as_json:
         print_json(facts)
         return
-    counts = f"{arm.section_count} sections, {len(arm.inputs)} pressure inputs"
+    counts = f"{_counted(arm.section_count, 'section')}, {_counted(len(arm.inputs), 'pressure input')}"
     say(f": {counts}", head=arm.name)
     say(
         f"mass {facts['mass']:.3g} kg, force model {facts['force_model']}, "
         f"rotational energy {_word(facts['rotational_energy'])}, Coriolis forces {_word(facts['coriolis_forces'])}"
     )
-    values = table("Section", "Key", "Value", "Unit", "Where it comes from", running=("Section", "Value"))
+    running = ("Section", "Value", "Where it comes from")
+    values = table("Section", "Key", "Value", "Unit", "Where it comes from", running=running)
     for row in facts["values"]:
-        values.add_row(row["place"], row["key"], row["text"], row["unit"], row["status"])
+        values.add_row(row["place"], row["key"], row["text"], row["unit"], _origin(row))
     out = console()
     out.print(values)
     if facts["rest_lengths"] is not None:
@@ -67,6 +68,7 @@ def _facts(arm: Arm) -> dict[str, Any]:
                 "unit": value.unit,
                 "text": _text(value.value),
                 "status": value.provenance.status,
+                "source": value.provenance.source,
             }
             for value in parameters.stated_values()
         ],
@@ -85,6 +87,14 @@ def _place(value: StatedValue, parameters: ArmParameters) -> str:
         return value.part or "arm"
     part = value.part if value.bellows is None else f"bellows {value.bellows}"
     return str(value.section) if part is None else f"{value.section}, {part}"
+
+
+def _origin(row: dict[str, Any]) -> str:
+    return f"{row['status']}: {row['source']}" if row["source"] else str(row["status"])
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def _word(switch: bool) -> str:

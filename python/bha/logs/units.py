@@ -14,6 +14,9 @@ EXAMPLES = {
     "Pa": "a pressure, such as Pa, kPa, bar, or kPa(g) for gauge pressure",
     "N": "a force, such as N",
     "N*m": "a moment, such as N*m",
+    "kg": "a mass, such as kg or g",
+    "m^2": "an area, such as m^2 or cm^2",
+    "deg": "an angle, such as deg or rad",
     "1": "a plain number: leave the unit out or write [1] or [-]",
 }
 # What logs are usually written in: what a unit that is not known is compared with.
@@ -23,6 +26,9 @@ _USUAL = {
     "m/s": ("m/s", "cm/s", "mm/s"),
     "Pa": ("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "atm", "Torr", "mmHg", "inHg"),
     "N": ("N", "mN", "kN", "gf", "kgf", "lbf"),
+    "kg": ("kg", "g", "lb", "oz"),
+    "m^2": ("m^2", "cm^2", "mm^2", "inch^2"),
+    "deg": ("deg", "rad"),
 }
 # Sizes, in SI, of units that somebody may measure an arm in. Beyond them stands a prefix in the wrong case: mPa, Mbar.
 _SIZES = {"s": (1e-9, 1e5), "m": (1e-9, 1e4), "m/s": (1e-9, 1e4), "Pa": (0.1, 1e7), "N": (1e-9, 1e7)}

@@ -1,4 +1,4 @@
-"""Where a value comes from: published, assumed or identified, and for identified ones how well it is known.
+"""Where a value comes from: published, measured, assumed or identified, and for identified ones how well it is known.
 
 In the file, a ``[provenance]`` table beside the values (``[section.provenance]`` in a section,
 ``[section.bellows.provenance]`` in a bellows) names the key and says either just the status or more::
@@ -20,8 +20,8 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from bha.parameters.base import NotNegative, Number, Table, key, nearest, table_error
 
-Status = Literal["published", "assumed", "identified"]
-STATUS_ALLOWED = 'one of "published", "assumed", "identified"'
+Status = Literal["published", "measured", "assumed", "identified"]
+STATUS_ALLOWED = 'one of "published", "measured", "assumed", "identified"'
 
 
 class LogReference(Table):
@@ -44,7 +44,7 @@ class Provenance(Table):
     """Where one value comes from.
 
     Attributes:
-        status: published, assumed or identified.
+        status: published, measured (by a tape or a scale, on this very arm), assumed or identified.
         source: publication, data sheet or reasoning, free text.
         ci95: 95 % confidence interval ``(low, high)`` in the unit of the value; one interval per entry for a list.
         standard_error: standard error in the unit of the value; one per entry for a list.
