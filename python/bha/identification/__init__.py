@@ -17,7 +17,7 @@ from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.moments import Inertia, inertia
 from bha.identification.residuals import ChannelResidual
 from bha.identification.result import Estimate, HeldOut, Identification, identification
-from bha.identification.statics import StiffnessFit, bending_stiffness, longitudinal_stiffness
+from bha.identification.stiffness import StiffnessFit, bending_stiffness, longitudinal_stiffness
 from bha.identification.swing import Oscillation, SwingFit, swing_damping
 from bha.identification.workflow import identify
 
