@@ -65,6 +65,10 @@ class Procedure:
                 entries[path] = (paths.get_value(self.arm.parameters, path), law.rest_shift[1])
         return entries
 
+    def before(self, path: str) -> float | None:
+        """What the arm it started from had at a path; None for nothing."""
+        return paths.get_value(self.start.parameters, path) if path in paths.available(self.start.parameters) else None
+
     def parameters(self) -> ArmParameters:
         """The parameters with what was found, with intervals and the logs' hashes."""
         marks = [Mark.of_error(path, *entry) for path, entry in self.found.items()]

@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 STRAIGHT = 0.06
 #: Highest power of a spring force curve.
 HIGHEST_ORDER = 8
+#: Sections above that bend by more than this part of the one that is looked at (and are not straight) push on it.
+_SHARE_ABOVE = 0.5
 #: Bending away from the plane phi = 0 or pi that still counts as in it, rad.
 IN_PLANE = 0.2
 
@@ -121,7 +123,7 @@ def longitudinal_stiffness(
 
     Args:
         arm: geometry, masses, areas; its own stiffness does not matter.
-        records: logs; their steady states with the section straight are used.
+        records: logs; their steady states with the section, and those above it, straight are used.
         section: number of the section, from 1.
         order: highest power of (length - rest length), 1 to 8.
         rest_length: whether the rest length is found too, as the zero of the curve, or is the arm's; found where the
@@ -141,7 +143,7 @@ def longitudinal_stiffness(
     unit = _unit_elongation(arm, section)
     rows: list[_Row] = []
     for rec, state, q in _steady(arm, records, holds):
-        if _angle(bare, q, section)[0] > straight:
+        if max(_angle(bare, q, k)[0] for k in range(section, arm.section_count + 1)) > straight:
             continue
         elongations = _bellows_lengths(bare, q, section) - _rest_lengths(arm, section)
         rows.append((elongations, float(_held(bare, rec, state, q) @ unit), state))
@@ -185,7 +187,8 @@ def bending_stiffness(
 
     Args:
         arm: geometry, masses, areas, springs.
-        records: logs; their steady states with the section straight or bent in its plane are used.
+        records: logs; their steady states with the section straight or bent in its plane are used, unless a section
+            above is bent more than half as much.
         section: number of the section, from 1.
         cubic: whether to fit k3 too; the paper fits a line.
         offset: whether a moment may stay at angle zero, as bellows that are not quite alike make it; where poses are
@@ -205,6 +208,9 @@ def bending_stiffness(
     for rec, state, q in _steady(arm, records, holds):
         psi, phi, u = _angle(bare, q, section)
         if psi >= straight and abs(np.sin(phi)) > np.sin(in_plane):
+            continue
+        above = [_angle(bare, q, k)[0] for k in range(section + 1, arm.section_count + 1)]
+        if max(above, default=0.0) > max(straight, _SHARE_ABOVE * psi):
             continue
         bent += psi >= straight
         rows.append((np.array([u]), float(_held(bare, rec, state, q) @ unit), state))
