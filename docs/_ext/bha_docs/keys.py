@@ -13,15 +13,16 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from bha import names
-from bha.parameters import EFFECT_KINDS
-from bha.parameters.base import Table
 from docutils import nodes
 from docutils.statemachine import StringList
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+
+from bha import names
+from bha.parameters import EFFECT_KINDS
+from bha.parameters.base import Table
 
 #: The schemas speak ASCII, as terminals do.
 SIGNS = {r"\bpsi\b": "ψ", r"\balpha\b": "α", r"\bphi\b": "φ", r"\^2\b": "²", r"\^3\b": "³", ">=": "≥", "<=": "≤"}
@@ -96,11 +97,9 @@ def rows_of_effects() -> Iterator[list[str]]:
     for kind in EFFECT_KINDS.values():
         numbers = []
         for number in kind.parameters:
-            unit = f" {number.unit}" if number.unit else ""
+            limits = f"{plain(number.low)} to {plain(number.high)} {readable(number.unit)}".rstrip()
             otherwise = "" if number.default is None else f"; `{plain(number.default)}`"
-            numbers.append(
-                f"`{number.name}` ({plain(number.low)} to {plain(number.high)}{unit}{otherwise}): {readable(number.meaning)}"
-            )
+            numbers.append(f"`{number.name}` ({limits}{otherwise}): {readable(number.meaning)}")
         yield [f"`{kind.kind}`", ", ".join(kind.places), readable(kind.summary), "<br>".join(numbers)]
 
 
