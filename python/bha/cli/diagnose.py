@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from pathlib import Path
 
 import click
@@ -10,17 +12,16 @@ from bha.arm import Arm
 from bha.cli.common import (
     INTERRUPTED,
     arm_argument,
-    console,
     json_option,
     print_json,
     progress_bar,
     reports_errors,
     say,
-    table,
 )
 from bha.cli.logs import missing_option, pressures_option, read_logs
 from bha.diagnosis import diagnose as run
-from bha.diagnosis.result import Diagnosis
+from bha.diagnosis.result import Diagnosis, Number
+from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, headline
 from bha.recordings import PressureSort
 
 
@@ -71,6 +72,7 @@ def diagnose(
             seed=seed,
             threads=threads,
             progress=tell,
+            command=shlex.join(["bha", *sys.argv[1:]]),
         )
     if as_json:
         print_json(found.model_dump(mode="json", by_alias=True))
@@ -81,31 +83,28 @@ def diagnose(
 
 
 def _print(found: Diagnosis, out: Path) -> None:
-    verdict = {
-        "named": "A missing effect is named",
-        "no_gap": "No significant gap",
-        "unknown": "A gap that no known effect explains",
-    }
+    """The diagnosis in some ten lines; the report has the rest."""
     if not found.complete:
         say("Interrupted: the search is not complete; the same command goes on. So far:")
-    say(f": {found.reason}", head=verdict[found.verdict])
-    gap = found.gap
-    say(
-        f"open-loop error on {', '.join(gap.holdout)}: {1e3 * gap.before:.3g} mm before, "
-        f"{1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm"
-    )
+    say(f": {headline(found)}" if found.effects else f": {found.reason}", head=VERDICTS[found.verdict])
+    say(errors_in_words(found.gap, named=found.verdict == "named"))
     for text in found.setup:
         say(text)
     for effect in found.effects:
-        numbers = table("Number", "Value", "95 % interval", "Unit", title=f"{effect.kind} at {effect.where}")
-        for name, number in effect.parameters.items():
-            interval = "" if number.ci95 is None else f"{number.ci95[0]:.4g} to {number.ci95[1]:.4g}"
-            numbers.add_row(name, f"{number.value:.4g}", interval, number.unit)
-        console().print(numbers)
-        say(f"confidence {effect.confidence:.2f}" + (", empirical term" if effect.empirical else ""))
-        if effect.confusable_with:
-            say("these data cannot tell it from: " + ", ".join(effect.confusable_with[:6]))
-    if found.candidates and found.verdict != "named":
+        numbers = ", ".join(_number(name, n) for name, n in effect.parameters.items())
+        empirical = "; an empirical term, no cause" if effect.empirical else ""
+        say(f"{effect.kind} at {effect.where}: {numbers}; confidence {effect.confidence:.2f}{empirical}")
+        if alike := alike_in_words(effect):
+            say(f"  {alike}")
+    if found.effects:
+        say(found.reason)
+    elif found.candidates:
         best = ", ".join(f"{c.kind} at {c.where}" for c in found.candidates[:3])
         say(f"nearest candidates: {best}")
     say(f"Written to {out}")
+
+
+def _number(name: str, number: Number) -> str:
+    unit = f" {number.unit}" if number.unit else ""
+    interval = "" if number.ci95 is None else f" ({number.ci95[0]:.4g} to {number.ci95[1]:.4g})"
+    return f"{name} {number.value:.4g}{interval}{unit}"

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bha.checkup import checked
@@ -56,6 +57,7 @@ def diagnose(
     seed: int = 0,
     threads: int | None = None,
     progress: Callable[[str, float | None], None] | None = None,
+    command: str = "bha.diagnose",
 ) -> Diagnosis:
     """Diagnose what the model of an arm lacks, from logs of the real one.
 
@@ -76,6 +78,7 @@ def diagnose(
         seed: of all that is drawn at random.
         threads: how many threads; as many as there are cores if None.
         progress: called with the stage and the share of it that is done, None where that is not known.
+        command: what the result calls the command that made it.
 
     Returns:
         The diagnosis, see :class:`bha.diagnosis.Diagnosis`. After Ctrl-C in the search what was found so far,
@@ -114,12 +117,14 @@ def diagnose(
             cache_folder=kept,
             faults=checkup.faults,
         )
+        made = written.made_by(command, seed, train, held)
+        outcome = replace(outcome, diagnosis=outcome.diagnosis.model_copy(update={"made": made}))
         if folder is not None:
             diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
             diagnosed.save(folder / "arm_diagnosed.toml")
             if report:
                 from bha.diagnosis.report import write_report  # noqa: PLC0415  (Plotly is an extra)
 
-                write_report(outcome, arm, folder / "report.html")
+                write_report(outcome, diagnosed, folder / "report.html")
             outcome.diagnosis.write(folder / "diagnosis.json")
     return outcome.diagnosis

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -22,7 +22,7 @@ from bha.diagnosis.places import nested
 from bha.diagnosis.records import Record
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
-from bha.diagnosis.result import CandidateLine, Correction, Diagnosis, Effect, Gap, Number, plain
+from bha.diagnosis.result import CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
 from bha.diagnosis.screen import Signatures
 from bha.diagnosis.select import Search
 
@@ -42,6 +42,7 @@ def describe(
     errors: tuple[float, float, float],
     seed: int,
     records: tuple[Sequence[Record], Sequence[Record]],
+    error_of: Callable[[Trial], float],
 ) -> Diagnosis:
     """What was found, as it is written.
 
@@ -58,12 +59,13 @@ def describe(
         errors: RMS of noise, and of the held-out logs before and after, m.
         seed: of what is drawn.
         records: training and held-out logs.
+        error_of: open-loop error of a trial on the held-out logs, m, as ``errors`` has it.
     """
     problem = baseline.problem
     named = final.candidates if verdict.verdict == "named" else ()
     best = excitation.best_by_key(state.screening, signatures) if state.screening is not None else {}
     correlation = correlation_length(problem, final.fit.residual)
-    lines = _candidates(state, best, problem, correlation)
+    lines = _candidates(state, best, problem, correlation, error_of)
     weak = excitation.weakest(best, np.sqrt(correlation))
     alike = excitation.Likenesses((), np.empty((0, 0)))
     if state.screening is not None and best:
@@ -72,7 +74,13 @@ def describe(
     confused = [e.kind for e in effects if e.confusable_with]
     confused += [c.partition(" at ")[0] for e in effects for c in e.confusable_with]
     values = {
-        c.name: Number(value=c.value(float(v)), unit=c.unit, ci95=uncertainty[k], at_bound=c.at_bound(float(v)))
+        c.name: Estimate(
+            value=c.value(float(v)),
+            unit=c.unit,
+            ci95=uncertainty[k],
+            at_bound=c.at_bound(float(v)),
+            start=c.nominal if np.isfinite(c.nominal) else None,
+        )
         for k, (c, v) in enumerate(zip(final.fit.model.plain, final.fit.x, strict=False))
     }
     train, held = records
@@ -93,7 +101,9 @@ def describe(
             ),
             "where": where,
             "candidates": lines,
-            "residual": plain(describe_residual(holdout, state.best, state.plain, seed) | {"notes": state.notes}),
+            "residual": plain(
+                describe_residual(holdout, state.best, state.plain, baseline.noise) | {"notes": state.notes}
+            ),
             "excitation": plain(
                 {
                     "classes": alike.classes()[:20],
@@ -120,7 +130,11 @@ def _log_facts(record: Record, part: str) -> dict[str, Any]:
 
 
 def _candidates(
-    state: Search, best: dict[tuple[str, str], excitation.Best], problem: Problem, correlation: float
+    state: Search,
+    best: dict[tuple[str, str], excitation.Best],
+    problem: Problem,
+    correlation: float,
+    error_of: Callable[[Trial], float],
 ) -> list[CandidateLine]:
     """All kinds and places by score, with what a refit of them alone gave."""
     reference = bic(state.plain, problem, correlation)
@@ -135,7 +149,7 @@ def _candidates(
         strengths = entry.scored.candidate.plan.strengths
         detectable = 3.0 * entry.scored.deviation * np.sqrt(correlation)
         alone = refitted.get(key)
-        rms = alone.prediction.rms if alone is not None else None
+        rms = error_of(alone) if alone is not None else None
         lines.append(
             CandidateLine(
                 kind=key[0],

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bha import _core
 from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from bha.diagnosis.result import Diagnosis
     from bha.diagnosis.workflow import Investigation
-    from bha.recordings import Observation
 
 Array = NDArray[np.float64]
 
 # Colours that stay apart in print and for the colour-blind (Okabe and Ito 2008).
 MEASURED, BEFORE, AFTER, NOISE, ACCENT = "#222222", "#d55e00", "#0072b2", "#999999", "#009e73"
-#: Points of a trace and frames of the animation at the most.
-TRACE_POINTS, FRAMES = 1500, 80
+#: Points of a trace at the most.
+TRACE_POINTS = 1500
 
 
 def _plotly() -> Any:
@@ -54,27 +53,29 @@ def _layout(figure: Any, height: int, *, titled: bool = False, **more: Any) -> A
 
 
 def gap_figure(found: Diagnosis) -> Any:
-    """Error on the held-out logs: noise, before, after."""
+    """Error on the held-out logs in the order of the story: before, after, what noise makes."""
     go = _plotly()
     gap = found.gap
-    names = (
-        ["noise floor", "plain model", "with the named effects"]
-        if found.verdict == "named"
-        else ["noise floor", "plain model"]
-    )
-    values = [1e3 * gap.noise, 1e3 * gap.before, 1e3 * gap.after][: len(names)]
+    rows = [
+        ("plain model", gap.before, BEFORE),
+        ("with what is named", gap.after, AFTER),
+        ("noise alone", gap.noise, NOISE),
+    ]
+    if found.verdict != "named":
+        del rows[1]
     bars = go.Bar(
-        x=values,
-        y=names,
+        x=[1e3 * value for _, value, _ in rows],
+        y=[name for name, _, _ in rows],
         orientation="h",
-        marker_color=[NOISE, BEFORE, AFTER][: len(names)],
-        text=[f"{v:.3g} mm" for v in values],
-        textposition="auto",
+        marker_color=[colour for _, _, colour in rows],
+        text=[f"{1e3 * value:.3g} mm" for _, value, _ in rows],
+        textposition="outside",
+        cliponaxis=False,
     )
     figure = go.Figure(bars)
     figure.update_yaxes(autorange="reversed")
-    figure.update_xaxes(title="held-out error, RMS, mm")
-    return _layout(figure, 220)
+    figure.update_xaxes(title="error, RMS, mm", range=[0.0, 1.35e3 * max(v for _, v, _ in rows)])
+    return _layout(figure, 200)
 
 
 def bars_figure(rows: Sequence[dict[str, Any]], label: str, title: str) -> Any:
@@ -135,11 +136,11 @@ def candidates_figure(found: Diagnosis) -> Any:
             y=names,
             orientation="h",
             marker_color=[ACCENT if r is not None else NOISE for r in refitted],
-            text=["" if r is None else f"{1e3 * r:.3g} mm" for r in refitted],
+            text=["" if r is None else f"{1e3 * r:.3g} mm after a refit" for r in refitted],
             textposition="auto",
         )
     )
-    figure.update_xaxes(title="share of error explained, %")
+    figure.update_xaxes(title="share of the error that it promises to explain, %")
     return _layout(figure, 120 + 24 * len(shown), showlegend=False)
 
 
@@ -164,7 +165,7 @@ def trace_figure(outcome: Investigation) -> Any:
     for row, k in enumerate(worst, start=1):
         lines = [("measured", record.outputs[::step, k], MEASURED), ("plain model", before[::step, k], BEFORE)]
         if named:
-            lines.append(("with the named effects", after[::step, k], AFTER))
+            lines.append(("with what is named", after[::step, k], AFTER))
         for name, y, colour in lines:
             line = go.Scatter(
                 x=np.round(time, 4).tolist(),
@@ -194,7 +195,7 @@ def error_figure(outcome: Investigation) -> Any:
 
     lines = [("plain model", outcome.plain.prediction.outputs[0], BEFORE)]
     if outcome.diagnosis.verdict == "named":
-        lines.append(("with the named effects", outcome.best.prediction.outputs[0], AFTER))
+        lines.append(("with what is named", outcome.best.prediction.outputs[0], AFTER))
     figure = go.Figure(
         [
             go.Scatter(x=np.round(time, 3).tolist(), y=blocks(y), name=name, line_color=colour)
@@ -207,93 +208,76 @@ def error_figure(outcome: Investigation) -> Any:
         go.Scatter(x=ends, y=[level, level], name="noise floor (all rows)", line={"color": NOISE, "dash": "dot"})
     )
     figure.update_xaxes(title=f"time, s ({escape(record.name)})")
-    figure.update_yaxes(title="error, RMS, mm", type="log", dtick="D2")
+    values = [v for line in figure.data for v in line.y if v > 0.0]
+    _decades(figure.update_yaxes, values, title="error, RMS, mm")
     return _layout(figure, 300)
 
 
-def arm_figure(outcome: Investigation) -> Any:
-    """The arm moving on the first held-out log, measured against simulated: two side views."""
+def spectrum_figure(found: Diagnosis) -> Any | None:
+    """Spectra of the errors on the held-out logs against what noise makes; None where there are none."""
+    spectrum = found.residual.get("spectrum")
+    if not spectrum:
+        return None
     go = _plotly()
-    record = outcome.holdout.problem.records[0]
-    rows = np.linspace(0, len(record.rows) - 1, min(FRAMES, len(record.rows))).round().astype(int)
-    fit = outcome.plain.fit
-    arm, observation = _core.Arm(fit.model.arm(fit.x)), record.observation.seen_by(fit.model.camera(fit.x))
-    kinds = [("measured", record.outputs, MEASURED), ("plain model", outcome.plain.prediction.outputs[0], BEFORE)]
-    if outcome.diagnosis.verdict == "named":
-        kinds.append(("with the named effects", outcome.best.prediction.outputs[0], AFTER))
-    curves = {name: [_backbone(arm, observation, outputs[row]) for row in rows] for name, outputs, _ in kinds}
-    figure = _subplots(rows=1, cols=2, subplot_titles=("view along y", "view along x"), horizontal_spacing=0.12)
-    for axis in (0, 1):
-        for name, _, colour in kinds:
-            curve = curves[name][0]
-            line = go.Scatter(
-                x=curve[:, axis].tolist(),
-                y=curve[:, 2].tolist(),
+    lines: list[tuple[str, str, str, str | None]] = [("plain model", "before", BEFORE, None)]
+    if found.verdict == "named":
+        lines.append(("with what is named", "after", AFTER, None))
+    lines.append(("noise alone", "noise", NOISE, "dot"))
+    frequency = [round(v, 4) for v in spectrum["frequency"]]
+    figure, values = go.Figure(), []
+    for name, key, colour, dash in lines:
+        density = [1e3 * float(np.sqrt(v)) for v in spectrum[key]]
+        values += [v for v in density if v > 0.0]
+        figure.add_trace(
+            go.Scatter(
+                x=frequency,
+                y=[float(f"{v:.4g}") for v in density],
                 name=name,
-                legendgroup=name,
-                showlegend=axis == 0,
-                mode="lines+markers",
-                marker_size=4,
-                line={"color": colour, "width": 4 if name == "measured" else 2},
+                mode="lines",
+                line={"color": colour, "dash": dash, "shape": "hvh" if key == "noise" else "linear"},
             )
-            figure.add_trace(line, row=1, col=axis + 1)
-    frames = []
-    for k, row in enumerate(rows):
-        data = [
-            go.Scatter(x=curves[name][k][:, axis].tolist(), y=curves[name][k][:, 2].tolist())
-            for axis in (0, 1)
-            for name, _, _ in kinds
-        ]
-        frames.append(go.Frame(data=data, name=f"{record.output_time[row]:.2f}"))
-    figure.frames = frames
-    points = np.concatenate([c for list_ in curves.values() for c in list_])
-    reach = 1.1 * max(float(np.nanmax(np.abs(points[:, :2]))), 0.05)
-    low, high = float(np.nanmin(points[:, 2])), float(np.nanmax(points[:, 2]))
-    figure.update_xaxes(range=[-reach, reach], title="m")
-    figure.update_yaxes(range=[high + 0.1 * (high - low), low - 0.1 * (high - low)])
-    pace = float(np.median(np.diff(record.output_time[rows]))) * 1e3
-    play = {"frame": {"duration": pace, "redraw": False}, "transition": {"duration": 0}, "fromcurrent": True}
-    stop = {"frame": {"duration": 0, "redraw": False}, "mode": "immediate", "transition": {"duration": 0}}
-    figure.update_layout(
-        updatemenus=[
-            {
-                "type": "buttons",
-                "direction": "left",
-                "x": 0.0,
-                "y": -0.18,
-                "xanchor": "left",
-                "yanchor": "top",
-                "buttons": [
-                    {"label": "play", "method": "animate", "args": [None, play]},
-                    {"label": "stop", "method": "animate", "args": [[None], stop]},
-                ],
-            }
-        ],
-        sliders=[
-            {
-                "y": -0.3,
-                "len": 1.0,
-                "currentvalue": {"prefix": "t = ", "suffix": " s"},
-                "steps": [{"label": f.name, "method": "animate", "args": [[f.name], stop]} for f in frames],
-            }
-        ],
+        )
+    _decades(figure.update_xaxes, frequency, title="frequency, Hz")
+    _decades(figure.update_yaxes, values, title="error, mm per root Hz")
+    return _layout(figure, 320)
+
+
+def estimates_figure(found: Diagnosis) -> Any | None:
+    """Estimates of the plain parameters over what the file said, with 95 % intervals; None if none divides."""
+    rows = [(name, e) for name, e in found.plain.items() if e.start and e.value / e.start > 0.0]
+    if not rows:
+        return None
+    go = _plotly()
+    rows.reverse()
+    ratios = [e.value / e.start for _, e in rows if e.start]
+    ends = [
+        sorted(v / e.start for v in e.ci95) if e.ci95 and e.start else [r, r]
+        for (_, e), r in zip(rows, ratios, strict=True)
+    ]
+    figure = go.Figure(
+        go.Scatter(
+            x=ratios,
+            y=[escape(name) for name, _ in rows],
+            mode="markers",
+            marker={"color": AFTER, "size": 8},
+            error_x={
+                "type": "data",
+                "symmetric": False,
+                "array": [max(high - r, 0.0) for r, (_, high) in zip(ratios, ends, strict=True)],
+                "arrayminus": [max(r - low, 0.0) for r, (low, _) in zip(ratios, ends, strict=True)],
+                "color": AFTER,
+            },
+        )
     )
-    return _layout(figure, 560, titled=True).update_layout(margin={"l": 50, "r": 20, "t": 70, "b": 150})
+    figure.add_vline(x=1.0, line_color=NOISE, line_dash="dot")
+    figure.update_xaxes(title="estimate over the value of the file, with 95 % interval")
+    return _layout(figure, 110 + 22 * len(rows), showlegend=False)
 
 
-def _backbone(arm: Any, observation: Observation, outputs: Array) -> Array:
-    """Backbone (points, 3) from the lengths where they tell it, else the base and the heads."""
-    count = len(observation.rows)
-    if int(np.linalg.matrix_rank(observation.rows)) == observation.rows.shape[1]:
-        true = (outputs[:count] - observation.shifts) / observation.gains - observation.offsets
-        lengths = np.linalg.lstsq(observation.rows, true, rcond=None)[0]
-        try:
-            return np.asarray(np.round(np.asarray(arm.shape(lengths, 8)).reshape(-1, 3), 5))
-        except ValueError:
-            return np.full((2, 3), np.nan)
-    sections = sorted({o.section for o in observation.outputs if o.kind == "position"})
-    seen = {(o.section, o.number): k for k, o in enumerate(observation.outputs) if o.kind == "position"}
-    whole = [i for i in sections if all((i, axis) in seen for axis in (1, 2, 3))]
-    columns = [seen[i, axis] for i in whole for axis in (1, 2, 3)]
-    heads = observation.camera.base_positions(np.asarray(outputs[columns]).reshape(-1, 3))
-    return np.asarray(np.round(np.concatenate([np.zeros((1, 3)), heads]), 5))
+def _decades(update: Callable[..., Any], values: Sequence[float], title: str) -> None:
+    """A logarithmic axis with ticks at 1, 2, 5 of every decade, or at decades where there are many."""
+    low, high = min(values, default=1.0), max(values, default=1.0)
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    digits = (1.0, 2.0, 5.0) if last - first <= 2 else (1.0,)
+    ticks = [d * 10.0**k for k in range(first, last + 1) for d in digits]
+    update(title=title, type="log", tickvals=ticks, ticktext=[f"{t:.3g}" for t in ticks])

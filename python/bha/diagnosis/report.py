@@ -7,6 +7,8 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from bha.diagnosis import figures
+from bha.diagnosis.arm_figure import arm_figure
+from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, headline, in_words
 from bha.support.extras import import_extra
 from bha.support.files import written_whole
 
@@ -14,12 +16,6 @@ if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.diagnosis.result import Diagnosis
     from bha.diagnosis.workflow import Investigation
-
-VERDICTS = {
-    "named": "A missing effect is named",
-    "no_gap": "No significant gap",
-    "unknown": "A gap that no known effect explains",
-}
 
 STYLE = """
 :root { color-scheme: light; --line: #ddd; --soft: #555; }
@@ -32,6 +28,9 @@ h2 { font-size: 1.15rem; margin: 1.6rem 0 0.4rem; border-top: 1px solid var(--li
 .verdict { border-left: 6px solid var(--mark); padding: 0.4rem 0.9rem; background: #fafafa; }
 .named { --mark: #0072b2; } .no_gap { --mark: #009e73; } .unknown { --mark: #d55e00; }
 .soft { color: var(--soft); } .scroll { overflow-x: auto; }
+details { margin: 1.2rem 0; border-top: 1px solid var(--line); padding-top: 0.6rem; }
+summary { font-weight: 600; font-size: 1.1rem; cursor: pointer; }
+code { font-size: 0.88rem; overflow-wrap: anywhere; }
 table { border-collapse: collapse; font-size: 0.92rem; }
 th, td {
   text-align: left; padding: 0.25rem 0.7rem 0.25rem 0; border-bottom: 1px solid var(--line); vertical-align: top;
@@ -45,34 +44,40 @@ th, td {
 def write_report(outcome: Investigation, arm: Arm, path: str | os.PathLike[str]) -> None:
     """Write the report, whole or not at all.
 
+    Args:
+        outcome: what was found.
+        arm: the arm with what was found, as ``arm_diagnosed.toml`` has it.
+        path: where to.
+
     Raises:
         InputError: the folder does not exist.
         MissingExtraError: Plotly is not installed.
     """
-    text = report_html(outcome, arm.name)
+    text = report_html(outcome, arm)
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def report_html(outcome: Investigation, arm_name: str) -> str:
-    """The text of the report."""
+def report_html(outcome: Investigation, arm: Arm) -> str:
+    """The text of the report; ``arm`` as for :func:`write_report`."""
     offline = import_extra("plotly.offline", extra="report", purpose="The report of a diagnosis")
     found = outcome.diagnosis
-    parts: list[str] = [_head(found, arm_name)]
+    parts: list[str] = [_head(found, arm.name)]
     figure = _Figures(parts)
     figure.add(figures.gap_figure(found))
     if found.effects:
-        parts.append("<h2>What</h2>")
+        parts.append("<h2>What was found</h2>")
         parts += [_effect(e) for e in found.effects]
-    else:
-        parts.append("<h2>What</h2><p>No effect is named.</p>")
-    parts.append("<p>What each candidate alone promises; green: refitted, with the error on held-out logs.</p>")
-    figure.add(figures.candidates_figure(found))
     parts.append("<h2>The arm, measured against simulated</h2>")
-    figure.add(figures.arm_figure(outcome))
+    figure.add(arm_figure(outcome, arm))
     figure.add(figures.trace_figure(outcome))
     figure.add(figures.error_figure(outcome))
-    parts.append("<h2>Where the plain model errs</h2><div class='grid'>")
+    parts.append("<h2>All candidates</h2><p>What each alone promises; green: refitted, with its error then.</p>")
+    figure.add(figures.candidates_figure(found))
+    parts.append("<h2>Parameters</h2>")
+    figure.add(figures.estimates_figure(found))
+    parts.append(_estimates(found))
+    parts.append("<details><summary>Where the plain model errs</summary><div class='grid'>")
     where = found.where
     figure.add(figures.bars_figure(where["channel"], "name", "channel"))
     if where["mode"]:
@@ -81,10 +86,12 @@ def report_html(outcome: Investigation, arm_name: str) -> str:
     figure.add(figures.time_figure(where["time"]))
     parts.append("</div><h3>By region (chance of such a spread in p)</h3>")
     figure.add(figures.region_figure(where["region"]))
-    parts.append(_residual(found))
-    parts.append(_excitation(found))
-    parts.append(_tables(found))
-    title = escape(f"Diagnosis of {arm_name}")
+    parts.append("</details><details><summary>What is left, and how the search went</summary>")
+    figure.add(figures.spectrum_figure(found))
+    parts.append(f"{_residual(found)}</details>")
+    parts.append(f"<details><summary>What these logs can tell</summary>{_excitation(found)}</details>")
+    parts.append(f"<details><summary>Logs, and how this was made</summary>{_logs(found)}{_made(found)}</details>")
+    title = escape(f"Diagnosis of {arm.name}")
     return (
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
@@ -101,35 +108,43 @@ class _Figures:
         self._parts = parts
         self._json: list[str] = []
 
-    def add(self, figure: Any) -> None:
+    def add(self, figure: Any | None) -> None:
+        if figure is None:
+            return
         self._parts.append(f"<div class='figure' id='figure{len(self._json)}'></div>")
         # A script ends at the first "</", wherever it stands; "<!--" begins a comment in it.
         self._json.append(figure.to_json().replace("<", "\\u003c"))
 
     def script(self) -> str:
         drawn = ",".join(self._json)
+        # What is folded away has no width: it is drawn once it has one.
         draw = (
-            "figures.forEach((f,i)=>{const d=document.getElementById('figure'+i);"
-            "const layout={...f.layout,width:d.clientWidth};const config={displayModeBar:false};"
-            "Plotly.newPlot(d,{data:f.data,layout,frames:f.frames||[],config});"
-            "new ResizeObserver(()=>Plotly.relayout(d,{width:d.clientWidth})).observe(d);});"
+            "figures.forEach((f,i)=>{const d=document.getElementById('figure'+i);let drawn=false;"
+            "new ResizeObserver(()=>{const width=d.clientWidth;if(!width)return;"
+            "if(drawn){Plotly.relayout(d,{width});return;}drawn=true;"
+            "Plotly.newPlot(d,{data:f.data,layout:{...f.layout,width},frames:f.frames||[],"
+            "config:{displayModeBar:false}});}).observe(d);});"
         )
         return f"const figures=[{drawn}];{draw}"
 
 
 def _head(found: Diagnosis, arm_name: str) -> str:
-    gap = found.gap
-    incomplete = "" if found.complete else "<p><b>Interrupted: the search is not complete.</b></p>"
+    made, incomplete = found.made, "" if found.complete else "<p><b>Interrupted: the search is not complete.</b></p>"
+    of_when = f", {escape(made.date[:16].replace('T', ' '))}" if made else ""
+    names = ", ".join(f"{e.kind} at {e.where}" for e in found.effects)
     return (
-        f"<p class='soft'>Diagnosis of {escape(arm_name)}</p><div class='verdict {escape(found.verdict)}'>"
-        f"<h1>{escape(VERDICTS[found.verdict])}"
-        + (": " + escape(", ".join(f"{e.kind} at {e.where}" for e in found.effects)) if found.effects else "")
-        + f"</h1><p>{escape(found.reason)}.</p>{incomplete}</div>"
-        f"<p>Open-loop error on {escape(', '.join(gap.holdout))}, which took no part in any fit: "
-        f"<b>{1e3 * gap.before:.3g} mm</b> with the re-identified plain model, "
-        f"<b>{1e3 * gap.after:.3g} mm</b> with the named effects, noise floor {1e3 * gap.noise:.3g} mm.</p>"
+        f"<p class='soft'>Diagnosis of {escape(arm_name)}{of_when}</p><div class='verdict {escape(found.verdict)}'>"
+        f"<h1>{escape(headline(found))}</h1><p>"
+        + (f"{escape(VERDICTS[found.verdict])}: {escape(names)}. " if names else "")
+        + f"{escape(_capital(found.reason))}.</p>{incomplete}</div>"
+        f"<p>{escape(_capital(errors_in_words(found.gap, named=found.verdict == 'named')))}. These logs took no part "
+        "in any fit; the plain model was identified again first.</p>"
         + "".join(f"<p>Setup: {escape(text)}.</p>" for text in found.setup)
     )
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _interval(number: Any) -> str:
@@ -142,22 +157,21 @@ def _effect(effect: Any) -> str:
         f"<td>{_interval(n)}{' (on a bound)' if n.at_bound else ''}</td></tr>"
         for name, n in effect.parameters.items()
     )
-    notes = [f"confidence {effect.confidence:.2f}"]
+    notes = [f"confidence {effect.confidence:.2f} ({escape(effect.kind)} at {escape(effect.where)})"]
     if effect.empirical:
         notes.append("an empirical term: it helps to predict, but breaks a physical rule")
-    if effect.confusable_with:
-        notes.append("these data cannot tell it from " + escape(", ".join(effect.confusable_with[:6])))
-    if effect.experiment:
-        notes.append("what would: " + escape(effect.experiment))
+    if alike := alike_in_words(effect):
+        notes.append(escape(alike))
+    sentence = in_words(effect)
     return (
-        f"<h3>{escape(effect.kind)} at {escape(effect.where)}</h3><p>{'; '.join(notes)}.</p>"
+        f"<h3>{escape(_capital(sentence))}</h3><p>{'; '.join(notes)}.</p>"
         f"<div class='scroll'><table><tr><th>number</th><th>value</th><th>95 % interval</th></tr>{rows}</table></div>"
     )
 
 
 def _residual(found: Diagnosis) -> str:
     rest = found.residual
-    text = "<h2>What is left</h2>"
+    text = ""
     if rest.get("mean_square") is not None:
         text += (
             f"<p>Mean square of the white residual on held-out logs: {rest['mean_square']:.3g} (1 is noise), "
@@ -181,12 +195,11 @@ def _residual(found: Diagnosis) -> str:
 
 def _excitation(found: Diagnosis) -> str:
     told = found.excitation
-    text = "<h2>What these logs can tell</h2>"
     weak = "".join(
         f"<tr><td>{escape(w['kind'])}</td><td>{100 * w['detectable_over_typical']:.3g} %</td></tr>"
         for w in told["least_visible"]
     )
-    text += (
+    text = (
         "<div class='scroll'><table><tr><th>least visible</th><th>detectable size over a typical one</th></tr>"
         f"{weak}</table></div>"
     )
@@ -200,21 +213,42 @@ def _excitation(found: Diagnosis) -> str:
     return text
 
 
-def _tables(found: Diagnosis) -> str:
-    plain = "".join(
-        f"<tr><td>{escape(name)}</td><td>{n.value:.5g} {escape(n.unit)}</td><td>{_interval(n)}</td></tr>"
-        for name, n in found.plain.items()
+def _estimates(found: Diagnosis) -> str:
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{'' if e.start is None else f'{e.start:.5g}'}</td><td>{e.value:.5g}</td>"
+        f"<td>{_interval(e)}{' (on a bound)' if e.at_bound else ''}</td><td>{escape(e.unit)}</td></tr>"
+        for name, e in found.plain.items()
     )
-    logs = "".join(
+    return (
+        "<details><summary>As a table</summary><div class='scroll'><table><tr><th>parameter</th><th>file</th>"
+        f"<th>estimate</th><th>95 % interval</th><th>unit</th></tr>{rows}</table></div></details>"
+    )
+
+
+def _logs(found: Diagnosis) -> str:
+    rows = "".join(
         f"<tr><td>{escape(log['name'])}</td><td>{escape(log['part'])}</td><td>{log['rows']}</td>"
         f"<td>{log['duration']:.4g} s</td><td>{escape(_flaws(log))}</td></tr>"
         for log in found.logs
     )
     return (
-        "<h2>Logs</h2><div class='scroll'><table><tr><th>log</th><th>part</th><th>rows</th><th>duration</th>"
-        f"<th>noise and flaws</th></tr>{logs}</table></div>"
-        "<h2>Re-identified plain parameters</h2><div class='scroll'><table><tr><th>parameter</th><th>value</th>"
-        f"<th>95 % interval</th></tr>{plain}</table></div>"
+        "<div class='scroll'><table><tr><th>log</th><th>part</th><th>rows</th><th>duration</th>"
+        f"<th>noise and flaws</th></tr>{rows}</table></div>"
+    )
+
+
+def _made(found: Diagnosis) -> str:
+    made = found.made
+    if made is None:
+        return ""
+    files = "".join(
+        f"<tr><td>{escape(f.name)}</td><td><code>{escape(f.sha256 or 'from memory')}</code></td></tr>"
+        for f in made.files
+    )
+    return (
+        f"<p>{escape(made.date)}, bha {escape(made.version)}, seed {made.seed}, {found.seconds:.0f} s.<br>"
+        f"<code>{escape(made.command)}</code></p>"
+        f"<div class='scroll'><table><tr><th>log</th><th>SHA-256</th></tr>{files}</table></div>"
     )
 
 

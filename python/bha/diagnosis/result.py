@@ -40,6 +40,42 @@ class Number(Table):
     at_bound: bool = False
 
 
+class Estimate(Number):
+    """A plain parameter: the number that was estimated beside the one that the arm's file started with.
+
+    Attributes:
+        start: value of the file; None where the file has no such number.
+    """
+
+    start: Finite | None = None
+
+
+class SourceFile(Table):
+    """A log that took part: its name, its part, and the SHA-256 of its file where it has one."""
+
+    name: str
+    part: Literal["training", "held out"]
+    sha256: str | None = None
+
+
+class Made(Table):
+    """When and how a diagnosis was made.
+
+    Attributes:
+        date: local time with its distance to UTC, ISO 8601.
+        version: of the package.
+        command: as it was typed, or the function that was called.
+        seed: of all that was drawn.
+        files: the logs, with hashes.
+    """
+
+    date: str
+    version: str
+    command: str
+    seed: int
+    files: list[SourceFile] = []
+
+
 class Correction(Table):
     """An effect of the same kind within the place of a named one or around it: it corrects that one's form.
 
@@ -105,7 +141,7 @@ class CandidateLine(Table):
         kind: as in a parameter file.
         where: as in a parameter file.
         score: drop of the sum of squares of the white residual that it promises, over that sum.
-        holdout: RMS error on the held-out logs after a refit, m; None where it was not refitted.
+        holdout: RMS error on the held-out logs after a refit, m, as ``gap`` has it; None where it was not refitted.
         bic: difference of the Bayesian information criterion to the plain model after a refit (negative is better).
         distance: difference to the best candidate's.
         detectable: least strength that these logs would show at three standard deviations, in the unit of its first
@@ -134,12 +170,13 @@ class Diagnosis(Table):
         candidates: all candidates, the most promising first.
         residual: what is left after the last model: whiteness, what it correlates with.
         excitation: what these logs can tell at all: classes of look-alikes, weak spots, the best next experiment.
-        plain: re-identified plain parameters.
+        plain: re-identified plain parameters, each with what the file started with.
         setup: what is elsewhere than the file says without being physics of the arm (a camera), a text each.
         logs: training logs, with noise and flaws of every channel.
         reason: why the verdict is what it is, in a sentence.
         complete: whether the search came to its end; false after Ctrl-C.
         seconds: time it took, s.
+        made: when and how it was made; None in files of earlier versions.
         schema_name: version of this schema.
     """
 
@@ -152,11 +189,12 @@ class Diagnosis(Table):
     candidates: list[CandidateLine]
     residual: dict[str, Any]
     excitation: dict[str, Any]
-    plain: dict[str, Number]
+    plain: dict[str, Estimate]
     setup: list[str] = []
     logs: list[dict[str, Any]]
     complete: bool = True
     seconds: Finite = 0.0
+    made: Made | None = None
 
     def __repr__(self) -> str:
         """Verdict and open-loop errors in a line."""

@@ -191,6 +191,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         (noise_rms, *errors),
         seed,
         (train, held),
+        lambda trial: open_loop_error(held, engine, trial, until),
     )
     if state.complete:
         cache.clear()

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bha._core import __version__
 from bha.diagnosis.model import Model
+from bha.diagnosis.result import Made, SourceFile
 from bha.errors import FileError, InputError, way_out
 from bha.support.files import check_target
 
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
     from bha.diagnosis.workflow import Investigation
     from bha.logs import Log
     from bha.parameters.sensors import SensorsParameters
+    from bha.recordings import Recording
 
 
 #: The files of a diagnosis, each with what stands near its beginning.
@@ -48,6 +52,14 @@ def check_results(folder: Path, *, report: bool) -> None:
             raise FileError(f"{path}: cannot be read: {way_out(error)}") from error
         if begins and mark not in begins:
             raise InputError(f"{path}: was not written by bha diagnose; move it away, or name another folder")
+
+
+def made_by(command: str, seed: int, train: Sequence[Recording], held: Sequence[Recording]) -> Made:
+    """When and how a diagnosis of these logs is made, now."""
+    files = [SourceFile(name=r.name, part="training", sha256=r.log.sha256) for r in train]
+    files += [SourceFile(name=r.name, part="held out", sha256=r.log.sha256) for r in held]
+    now = datetime.now().astimezone().isoformat(timespec="seconds")
+    return Made(date=now, version=__version__, command=command, seed=seed, files=files)
 
 
 def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
