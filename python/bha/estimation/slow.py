@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: A lag shorter than this part of the grid's step shows nothing on it.
 _SHORTEST_LAG = 1e-3
+#: What is left of a value that is lost in rounding.
+_NEGLIGIBLE = 1e-18
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,12 @@ def lag_response(lag: float, step: float, values: Array) -> Array:
     a = math.exp(-step / lag)
     rising = 1.0 - (1.0 - a) * lag / step
     change = (1.0 - a) * (values[:-1] - values[0]) + rising * np.diff(values, axis=0)
-    powers = np.arange(len(change))
-    kernel = np.tril(a ** np.maximum(powers[:, None] - powers[None, :], 0))
-    after = (kernel @ change.reshape(len(change), -1)).reshape(change.shape)
-    return np.concatenate([values[:1], values[0] + after])
+    # Sums over ever longer stretches: each pass doubles how far back a row has looked.
+    reach, kept = 1, a
+    while reach < len(change) and kept > _NEGLIGIBLE:
+        change[reach:] += kept * change[:-reach]
+        reach, kept = 2 * reach, kept * kept
+    return np.concatenate([values[:1], values[0] + change])
 
 
 def _cell_means(time: Array, table: Array, width: float, count: int) -> Array:
