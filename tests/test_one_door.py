@@ -16,7 +16,7 @@ from bha import _core
 from bha.cli import main
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.records import prepare
+from bha.diagnosis.preparation import prepare
 from bha.diagnosis.start import first_state
 from bha.identification import predict, record
 from bha.parameters import ArmParameters
@@ -146,9 +146,13 @@ def test_diagnose(case: Case) -> None:
     text = model.arm(np.zeros(model.size))
     state = first_state(_core.Arm(text), rec, 1)
     # What the arm showed lies before: at rest, where the log begins.
-    state = np.concatenate([recording.acting.static_lengths(rec.pressures[0] + [0.0, 800.0, 0.0, 0.0]), np.zeros(3)])
+    state = np.concatenate(
+        [recording.acting.static_lengths(rec.drive.pressures[0] + [0.0, 800.0, 0.0, 0.0]), np.zeros(3)]
+    )
     (outputs,) = Engine(2e-3, threads=1).run([Job(text, rec, state)])
-    error = np.sqrt(np.mean(np.where(rec.good, rec.outputs - outputs, 0.0) ** 2, axis=0) / np.mean(rec.good, axis=0))
+    error = np.sqrt(
+        np.mean(np.where(rec.usable, rec.measured - outputs, 0.0) ** 2, axis=0) / np.mean(rec.usable, axis=0)
+    )
     assert np.all(error < 1.3 * NOISE)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bha
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 from bha.parameters import ArmParameters
 from bha.recordings import ChannelFacts, Observation, Output
 
@@ -39,7 +39,7 @@ def record_of(
     inputs = tuple(ChannelFacts(f"p1{k + 1}", "Pa", pressure_noise, 0.0, 0.0) for k in range(pressures.shape[1]))
     good = np.ones(outputs.shape, dtype=np.bool_)
     shown = observation(*(fact.name for fact in facts))
-    return Record(name, time, pressures, None, np.arange(len(time)), outputs, good, shown, facts, inputs)
+    return Record(name, bha.Input(time, pressures), np.arange(len(time)), shown, outputs, good, facts, inputs)
 
 
 def observation(*names: str, sections: int = 1) -> Observation:

@@ -13,7 +13,7 @@ from bha.arm.geometry import camera_frame
 from bha.diagnosis.camera import with_camera
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.records import prepare
+from bha.diagnosis.preparation import prepare
 from bha.parameters import ArmParameters
 from bha.parameters.sensors import SensorsParameters
 
@@ -88,7 +88,7 @@ def test_a_run_is_seen_by_the_camera_of_its_job() -> None:
     record = prepare(bha.Recording(arm, log))
     model = with_camera(plain_model(arm), arm)
     x = np.zeros(model.size)
-    text, state = model.arm(x), np.concatenate([arm.static_lengths(record.pressures[0]), np.zeros(3)])
+    text, state = model.arm(x), np.concatenate([arm.static_lengths(record.drive.pressures[0]), np.zeros(3)])
     x[-6:] = [1.0, -0.5, 0.2, 0.3, 0.1, -0.4]
     assert model.arm(x) == text
     jobs = [Job(text, record, state), Job(text, record, state, camera=model.camera(x)), Job(text, record, state + 1e-3)]

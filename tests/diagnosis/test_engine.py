@@ -8,8 +8,9 @@ import numpy as np
 
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.records import Record, prepare
+from bha.diagnosis.preparation import prepare
 from bha.diagnosis.steps import resolved
+from bha.estimation.records import Record
 from bha.recordings import Recording
 
 from .synthetic import make_logs, one_section
@@ -24,7 +25,7 @@ def stiff_job() -> tuple[Job, Record]:
     core = plain_model(ARM).core | {
         "effect": [{"kind": "quadratic_damping", "where": "all", "parameters": {"damping": 300.0}}]
     }
-    state = np.concatenate([record.outputs[0], np.zeros(3)])
+    state = np.concatenate([record.measured[0], np.zeros(3)])
     return Job(json.dumps(core), record, state), record
 
 

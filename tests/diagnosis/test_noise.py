@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bha.diagnosis import noise
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 
 from .synthetic import record_of
 
@@ -28,12 +28,12 @@ def test_white_rows_have_variance_one_where_noise_is_white_and_shaped() -> None:
 
     measured = record(2e-4 * rng.standard_normal((rows, 3)) + shaped(), sample_time, 2e-4)
     model = noise.noise_model([measured], [[shaped() for _ in range(6)]])
-    white = noise.Whitener(measured, model)(measured.outputs)
+    white = noise.Whitener(measured, model)(measured.measured)
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.06)
     correlation = np.mean(white[1:] * white[:-1])
     assert abs(correlation) < 0.05
     assert abs(np.mean(white[:, 0] * white[:, 1])) < 0.05
-    assert np.sqrt(np.mean(measured.outputs**2)) == pytest.approx(np.sqrt(np.mean(model.floor**2)), rel=0.1)
+    assert np.sqrt(np.mean(measured.measured**2)) == pytest.approx(np.sqrt(np.mean(model.floor**2)), rel=0.1)
 
 
 def test_whitening_is_linear_and_drops_what_lies_above_the_band() -> None:
@@ -51,13 +51,13 @@ def test_whitening_is_linear_and_drops_what_lies_above_the_band() -> None:
 def test_a_masked_row_counts_for_nothing() -> None:
     rng = np.random.default_rng(7)
     measured = record(1e-4 * rng.standard_normal((500, 1)), 0.01, 1e-4)
-    good = measured.good.copy()
+    good = measured.usable.copy()
     good[100:200] = False
-    masked = replace(measured, good=good)
+    masked = replace(measured, usable=good)
     white = noise.Whitener(masked, noise.noise_model([measured], [[]]))
-    spoilt = measured.outputs.copy()
+    spoilt = measured.measured.copy()
     spoilt[100:200] += 1.0
-    np.testing.assert_allclose(white(spoilt), white(measured.outputs), atol=1e-9)
+    np.testing.assert_allclose(white(spoilt), white(measured.measured), atol=1e-9)
 
 
 @pytest.mark.parametrize(("share", "time"), [(0.0, 0.0), (0.5, 0.03)])

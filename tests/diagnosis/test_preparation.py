@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from bha.diagnosis import baseline, holdout, model, smoothing
+from bha.diagnosis import holdout, model, preparation, smoothing
 
 from .synthetic import one_section, record_of
 
@@ -17,11 +17,11 @@ SAMPLE_TIME = 5e-3
 def test_thinning_leaves_out_the_ends_and_keeps_a_fast_motion_where_it_was() -> None:
     time = np.arange(1000) * SAMPLE_TIME
     motion = 0.02 * np.sin(2.0 * np.pi * 4.0 * time + 0.7)[:, None]
-    thinned = baseline.thin(record_of(time, motion, np.zeros((1000, 1))), 2)
-    assert thinned.output_time[0] > 0.0
-    assert thinned.output_time[-1] < time[-1]
-    expected = 0.02 * np.sin(2.0 * np.pi * 4.0 * thinned.output_time + 0.7)
-    np.testing.assert_allclose(thinned.outputs[:, 0], expected, atol=2e-5)
+    thinned = preparation.thin(record_of(time, motion, np.zeros((1000, 1))), 2)
+    assert thinned.time[0] > 0.0
+    assert thinned.time[-1] < time[-1]
+    expected = 0.02 * np.sin(2.0 * np.pi * 4.0 * thinned.time + 0.7)
+    np.testing.assert_allclose(thinned.measured[:, 0], expected, atol=2e-5)
 
 
 def test_pressures_lose_their_noise_and_keep_what_a_chamber_does() -> None:
@@ -31,10 +31,10 @@ def test_pressures_lose_their_noise_and_keep_what_a_chamber_does() -> None:
     noisy = true + 200.0 * rng.standard_normal(true.shape)
     (smooth,) = smoothing.smoothed([record_of(time, np.zeros_like(true), noisy, pressure_noise=200.0)])
     assert smooth.pressure_taps is not None
-    assert np.std(smooth.pressures - true) < 0.5 * 200.0
+    assert np.std(smooth.drive.pressures - true) < 0.5 * 200.0
     middle = slice(100, -100)
     wave = np.sin(2.0 * np.pi * 2.0 * time[middle])
-    gain = 2.0 * np.mean(smooth.pressures[middle, 0] * wave) / 2e4
+    gain = 2.0 * np.mean(smooth.drive.pressures[middle, 0] * wave) / 2e4
     assert gain == pytest.approx(1.0, abs=0.01)
 
 
@@ -43,7 +43,7 @@ def test_noise_free_commands_in_steps_stay_as_they_are() -> None:
     steps = np.repeat(np.arange(10.0), 100)[:, None] * 1e4
     (same,) = smoothing.smoothed([record_of(time, np.zeros_like(steps), steps)])
     assert same.pressure_taps is None
-    np.testing.assert_array_equal(same.pressures, steps)
+    np.testing.assert_array_equal(same.drive.pressures, steps)
 
 
 def test_one_tangent_stiffness_changes_and_the_others_stay() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bha.diagnosis.noise import Whitener, noise_model
-from bha.diagnosis.records import Record
 from bha.diagnosis.repeats import repeats, with_repeat_noise
+from bha.estimation.records import Record
 
 from .synthetic import record_of
 
@@ -59,8 +59,8 @@ def test_what_an_arm_does_otherwise_each_time_is_white_noise_of_the_model() -> N
     assert model.floor == pytest.approx(np.full(3, np.hypot(SENSOR, WANDER)), rel=0.15)
     others = [log(rng, f"new {k}") for k in range(8)]
     right = np.column_stack([np.sin(0.7 * others[0].time + k) for k in range(3)]) * 0.03
-    squares = [np.mean(Whitener(r, model)(r.outputs - right) ** 2) for r in others]
+    squares = [np.mean(Whitener(r, model)(r.measured - right) ** 2) for r in others]
     assert np.mean(squares) == pytest.approx(1.0, abs=0.15)
     # By the noise of the sensors alone the same error would be a gap.
     sensors = noise_model(plain, [[] for _ in plain])
-    assert np.mean(Whitener(others[0], sensors)(others[0].outputs - right) ** 2) > 50.0
+    assert np.mean(Whitener(others[0], sensors)(others[0].measured - right) ** 2) > 50.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bha
-from bha.diagnosis.records import prepare
+from bha.diagnosis.preparation import prepare
 from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
 from bha.recordings import Recording
 
@@ -30,10 +30,10 @@ def test_changed_inputs_act_as_the_effect_does(kind: str, numbers: dict[str, Any
     record = prepare(Recording(arm, log))
     (changed,) = acting_pressures(record, [PressureProbe(kind, (1,), numbers)], 101325.0)
     options = bha.Options(method="rk4", step=2.5e-3)
-    drive = bha.Input(record.time, record.pressures)
+    drive = bha.Input(record.drive.time, record.drive.pressures)
     hidden = arm.with_effects([{"kind": kind, "where": "input p12", **numbers}])
     effect = bha.simulate(hidden, drive, options=options)
-    shortcut = bha.simulate(arm, bha.Input(record.time, changed), options=options)
+    shortcut = bha.simulate(arm, bha.Input(record.drive.time, changed), options=options)
     plain = bha.simulate(arm, drive, options=options)
     size = np.abs(effect.lengths - plain.lengths).max()
     assert size > 1e-4

@@ -12,8 +12,9 @@ from bha import _core
 from bha.diagnosis.baseline import windows
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.noise import Whitener, noise_model
-from bha.diagnosis.records import Record, from_rest, prepare
+from bha.diagnosis.preparation import from_rest, prepare
 from bha.diagnosis.start import first_state, pose, tells_state
+from bha.estimation.records import Record
 from bha.parameters import ArmParameters
 from bha.recordings import ChannelFacts, Recording
 
@@ -46,7 +47,7 @@ def test_heads_alone_tell_lengths_and_rates_anywhere_in_a_log() -> None:
     assert len(pieces) == 4
     # The first one begins with a jump of the acceleration.
     for piece in pieces[1:]:
-        row = int(np.searchsorted(TIME, piece.output_time[0] - 1e-9))
+        row = int(np.searchsorted(TIME, piece.time[0] - 1e-9))
         state = first_state(core, piece, 3)
         assert state[:9] == pytest.approx(run.lengths[row], abs=3e-4)
         assert state[9:] == pytest.approx(run.velocities[row], abs=0.2 * np.abs(run.velocities).max())
@@ -63,9 +64,9 @@ def test_rare_rows_make_long_pieces_and_dropouts_none() -> None:
     assert min(len(piece.rows) for piece in pieces) >= 8
     assert sum(len(piece.rows) for piece in pieces) > 0.9 * len(time)
     # A piece that is shorter than the least band has as many white rows as rows.
-    short = replace(measured, rows=measured.rows[:5], outputs=measured.outputs[:5], good=measured.good[:5])
+    short = replace(measured, rows=measured.rows[:5], measured=measured.measured[:5], usable=measured.usable[:5])
     white = Whitener(short, noise_model([measured], [[]]))
-    assert white(short.outputs).shape == (5, 3)
+    assert white(short.measured).shape == (5, 3)
     assert len(white.time) == 5
 
 
@@ -87,7 +88,8 @@ def commanded(outputs: np.ndarray, command: np.ndarray) -> Record:
     good = np.ones((len(time), 1), dtype=np.bool_)
     facts = (ChannelFacts("x1", "m", 1e-5, 0.0, 0.0),)
     rows = np.arange(len(time))
-    return Record("made up", time, command[:, None], None, rows, outputs[:, None], good, observation("x1"), facts, ())
+    drive = bha.Input(time, command[:, None])
+    return Record("made up", drive, rows, observation("x1"), outputs[:, None], good, facts, ())
 
 
 def test_a_log_of_commands_counts_from_where_the_arm_rests() -> None:
@@ -96,9 +98,9 @@ def test_a_log_of_commands_counts_from_where_the_arm_rests() -> None:
     moving = 0.1 * (1.0 - np.exp(-time)) - np.where(time > 10.0, 0.1 * (1.0 - np.exp(-(time - 10.0))), 0.0)
     record = from_rest(commanded(moving, np.where(time <= 10.0, 2e5, 1e5)))
     # What is left of the first motion then goes by less than half a per cent of the travel within a second.
-    assert record.time[0] == pytest.approx(np.log(200.0 * (1.0 - np.exp(-1.0))), abs=0.2)
-    assert record.time[-1] == time[-1]
-    assert np.all(record.outputs[:, 0] == moving[-len(record.rows) :])
+    assert record.drive.time[0] == pytest.approx(np.log(200.0 * (1.0 - np.exp(-1.0))), abs=0.2)
+    assert record.drive.time[-1] == time[-1]
+    assert np.all(record.measured[:, 0] == moving[-len(record.rows) :])
     resting = commanded(np.where(time < 10.0, 0.0, moving), np.where(time <= 10.0, 2e5, 1e5))
     assert from_rest(resting) is resting
     never = commanded(np.sin(time), np.full(len(time), 1e5))

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import bha
-from bha.diagnosis.records import Record
 from bha.diagnosis.steady import start_scatter, steady_noise, still
+from bha.estimation.records import Record
 
 from .synthetic import one_section, record_of, run_of
 from .test_heads import OFF
@@ -73,13 +73,13 @@ def test_what_is_no_coloured_noise_is_left_as_it_is() -> None:
 def test_logs_that_begin_alike_in_different_poses() -> None:
     rng = np.random.default_rng(4)
     shifts = 1e-3 * rng.standard_normal((8, 3))
-    logs = [replace(r, outputs=r.outputs + shift + 1e-4) for r, shift in zip(held_logs(8), shifts, strict=True)]
+    logs = [replace(r, measured=r.measured + shift + 1e-4) for r, shift in zip(held_logs(8), shifts, strict=True)]
     found = start_scatter(logs)
     assert found is not None
     expected = np.sqrt(np.mean(np.var(shifts, axis=0, ddof=1)))
     assert found == pytest.approx(np.full(3, expected), rel=0.1)
     assert start_scatter(logs[:2]) is None
-    others = [replace(r, pressures=r.pressures + 1e4 * k) for k, r in enumerate(logs)]
+    others = [replace(r, drive=r.driven_by(r.drive.pressures + 1e4 * k)) for k, r in enumerate(logs)]
     assert start_scatter(others) is None
 
 

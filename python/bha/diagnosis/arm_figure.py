@@ -18,15 +18,14 @@ from bha.arm import Arm
 from bha.diagnosis.figures import AFTER, BEFORE, MEASURED, NOISE
 from bha.errors import BhaError
 from bha.parameters import Place
-from bha.runs.input import Input
 from bha.simulation import simulate_batch
 from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from bha.arm.geometry import CameraFrame
-    from bha.diagnosis.records import Record
     from bha.diagnosis.result import Effect
     from bha.diagnosis.workflow import Investigation
+    from bha.estimation.records import Record
     from bha.parameters.bellows import ResolvedBellows
 
 Array = NDArray[np.float64]
@@ -58,12 +57,10 @@ def arm_figure(outcome: Investigation, arm: Arm) -> Any | None:
 
 def _lengths(arm: Arm, record: Record, state: Array, rows: NDArray[np.intp]) -> Array | None:
     """Simulated lengths at some rows, m, shape (rows, 3n)."""
-    times = record.output_time[rows]
-    start = float(record.output_time[0])
+    times = record.time[rows]
+    start = float(record.time[0])
     try:
-        batch = simulate_batch(
-            arm, Input(record.time, record.pressures, record.forces), x0=state, times=times, start=start, warn=False
-        )
+        batch = simulate_batch(arm, record.drive, x0=state, times=times, start=start, warn=False)
     except BhaError:
         return None
     lengths = np.asarray(batch.lengths)[0]
@@ -84,7 +81,7 @@ def _animated(
         """Curves of one frame: bellows, blamed bellows, backbone and heads measured, simulated heads, blamed heads."""
         q = lengths[k]
         simulated = np.array([arm.point_pose(q, i)[1] for i in range(1, arm.section_count + 1)])
-        measured = _measured(arm, record, record.outputs[rows[k]], camera, base)
+        measured = _measured(arm, record, record.measured[rows[k]], camera, base)
         return [
             _curves(arm, q, [b for b in every if b not in blamed]),
             _curves(arm, q, [b for b in every if b in blamed]),
@@ -113,14 +110,14 @@ def _animated(
         go.Frame(
             data=[go.Scatter3d(**_xyz(curve)) for curve in curves],
             traces=list(range(len(looks))),
-            name=f"{record.output_time[row]:.2f}",
+            name=f"{record.time[row]:.2f}",
         )
         for row, curves in zip(rows, all_frames, strict=True)
     ]
     figure = go.Figure(traces, frames=frames)
     points = np.concatenate([c for curves in all_frames for c in curves])
     _scene(figure, arm, points)
-    _player(figure, float(np.median(np.diff(record.output_time[rows]))) if len(rows) > 1 else 0.1)
+    _player(figure, float(np.median(np.diff(record.time[rows]))) if len(rows) > 1 else 0.1)
     return figure
 
 

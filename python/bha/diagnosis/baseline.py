@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.interpolate import CubicSpline
-from scipy.signal import firwin
 
 from bha import _core
 from bha.diagnosis.cache import Cache
@@ -34,7 +33,7 @@ from bha.diagnosis.noise import (
     noise_model,
     sensor_noise,
 )
-from bha.diagnosis.records import Record
+from bha.diagnosis.preparation import cut_to, thin
 from bha.diagnosis.smoothing import filtered
 from bha.diagnosis.start import first_state, tells_state
 from bha.diagnosis.steady import steady_noise
@@ -49,6 +48,7 @@ from bha.diagnosis.steps import (
     root_mean_square,
 )
 from bha.errors import ConvergenceError
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -95,34 +95,6 @@ class Prepared:
     def longest_step(self, error: float) -> float:
         """The longest step with at most that error, s; ``step`` if there is none."""
         return max((step for step, found in self.errors if found <= error), default=self.step)
-
-
-def thin(record: Record, factor: int) -> Record:
-    """Every ``factor``-th compared row, the outputs low-pass filtered without shift beforehand (zero-phase FIR).
-
-    The filter's half length is lost at either end: whatever continues a motion there would be taken for an error.
-    """
-    if factor == 1:
-        return record
-    taps = firwin(12 * factor + 1, 0.72 / factor)
-    half = len(taps) // 2
-    keep = slice(half, len(record.rows) - half, factor)
-    columns = [np.convolve(y, taps, mode="valid") for y in record.outputs.T]
-    # A row that does not count spoils those that its filter reaches.
-    bad = [np.convolve(~y, np.ones(len(taps)), mode="valid") > 0.5 for y in record.good.T]
-    return replace(
-        record,
-        rows=record.rows[keep],
-        outputs=np.column_stack(columns)[::factor],
-        good=~np.column_stack(bad)[::factor],
-        thinning=record.thinning * factor,
-    )
-
-
-def cut_to(record: Record, thinned: Record) -> Record:
-    """The rows of ``record`` from the first to the last of ``thinned``."""
-    inside = (record.rows >= thinned.rows[0]) & (record.rows <= thinned.rows[-1])
-    return replace(record, rows=record.rows[inside], outputs=record.outputs[inside], good=record.good[inside])
 
 
 def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float, Method], Engine]) -> Prepared:
@@ -176,10 +148,10 @@ def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | No
         return None
     pieces = []
     for record in records:
-        start, end = float(record.output_time[0]), float(record.output_time[-1])
+        start, end = float(record.time[0]), float(record.time[-1])
         length = max(WINDOW_TIME, WINDOW_ROWS * record.sample_time)
         edges = np.linspace(start, end, max(1, round((end - start) / length)) + 1)
-        counts = np.histogram(record.output_time, edges)[0]
+        counts = np.histogram(record.time, edges)[0]
         enough = [pair for pair, n in zip(pairwise(edges), counts, strict=True) if n >= FEWEST_WINDOW_ROWS]
         pieces += [record.between(float(a), float(b)) for a, b in enough]
     return tuple(pieces) or None
@@ -197,7 +169,7 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
             noise = record.pressure_errors(rng)
             if record.pressure_taps is not None:
                 noise = filtered(noise, record.pressure_taps)
-            jobs.append(replace(job, drive=record.driven_by(record.pressures + noise)))
+            jobs.append(replace(job, drive=record.driven_by(record.drive.pressures + noise)))
     outputs = iter(problem.engine.run(jobs))
     result: list[list[Array]] = []
     for record, y in zip(records, fit.outputs, strict=True):
@@ -238,7 +210,7 @@ def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence
         if not len(group):
             continue
         left = [
-            record.outputs[:, group] - CubicSpline(thinned.output_time, y[:, group])(record.output_time)
+            record.measured[:, group] - CubicSpline(thinned.time, y[:, group])(record.time)
             for record, thinned, y in zip(records, prepared.records, outputs, strict=True)
         ]
         slow = steady_noise(records, left, white[group])

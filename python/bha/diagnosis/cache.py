@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha._core import __version__
-from bha.diagnosis.records import Record
 from bha.errors import FileError, FileWarning, InputError, way_out
+from bha.estimation.records import Record
 from bha.support.files import UNFINISHED, written_whole
 from bha.support.locks import locked
 
@@ -52,7 +52,7 @@ def key_of(arm: str, records: Iterable[Record], options: Sequence[object]) -> st
     digest = hashlib.sha256(f"{__version__} {GENERATION} {arm} {options!r}".encode())
     for record in records:
         digest.update(repr(record.channels).encode())
-        for array in (record.time, record.pressures, record.outputs, record.forces):
+        for array in (record.drive.time, record.drive.pressures, record.measured, record.drive.forces):
             if array is not None:
                 digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:24]

@@ -19,12 +19,12 @@ from bha.diagnosis.holdout import Holdout
 from bha.diagnosis.intervals import confidences, coordinate_draws
 from bha.diagnosis.model import EffectTerm
 from bha.diagnosis.places import nested
-from bha.diagnosis.records import Record
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
 from bha.diagnosis.result import CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
 from bha.diagnosis.screen import Signatures
 from bha.diagnosis.select import Search
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -123,8 +123,8 @@ def _log_facts(record: Record, part: str) -> dict[str, Any]:
     return {
         "name": record.name,
         "part": part,
-        "rows": len(record.time),
-        "duration": float(record.time[-1] - record.time[0]),
+        "rows": len(record.drive.time),
+        "duration": float(record.drive.time[-1] - record.drive.time[0]),
         "channels": [asdict(f) for f in (*record.facts, *record.pressure_facts)],
     }
 

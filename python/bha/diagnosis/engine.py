@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from bha import _core
 from bha.arm.geometry import CameraFrame
-from bha.diagnosis.records import Record
 from bha.errors import BhaError
+from bha.estimation.records import Record
+from bha.runs.input import Input
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class Job:
     arm: str
     record: Record
     state: Array
-    drive: _core.Input | None = None
+    drive: Input | None = None
     rows: int | None = None
     finer: int = 1
     camera: CameraFrame | None = None
@@ -108,7 +109,7 @@ class Engine:
 
     def _together(self, jobs: Sequence[Job], rows: int, step: float) -> list[Array]:
         record = jobs[0].record
-        times = np.ascontiguousarray(record.output_time[:rows])
+        times = np.ascontiguousarray(record.time[:rows])
         texts = list(dict.fromkeys(job.arm for job in jobs))
         arms: dict[str, int] = {}
         built: list[_core.Arm] = []
@@ -118,9 +119,8 @@ class Engine:
             except BhaError:
                 continue  # parameters without a model: no run, NaN
             arms[text] = len(built) - 1
-        drives: dict[_core.Input, int] = {}
-        for job in jobs:
-            drives.setdefault(job.drive or record.drive, len(drives))
+        drives = {id(drive): drive for drive in (job.drive or record.drive for job in jobs)}
+        places = {key: k for k, key in enumerate(drives)}
         live = [k for k, job in enumerate(jobs) if job.arm in arms and np.all(np.isfinite(job.state))]
         nothing = np.full((rows, len(record.channels)), np.nan)
         if not live:
@@ -132,7 +132,7 @@ class Engine:
         own: dict[int, int] = {}
         for k in live:
             job = jobs[k]
-            run = (arms[job.arm], drives[job.drive or record.drive], job.state.tobytes())
+            run = (arms[job.arm], places[id(job.drive or record.drive)], job.state.tobytes())
             if run not in runs:
                 runs[run] = len(runs)
                 states.append(job.state)
@@ -140,7 +140,7 @@ class Engine:
         for share in self.shares:
             found = _core.simulate_batch(
                 built,
-                list(drives),
+                [drive.in_core() for drive in drives.values()],
                 [times],
                 [(arm, drive, 0) for arm, drive, _ in runs],
                 np.full(len(runs), times[0]),

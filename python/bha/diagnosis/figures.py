@@ -151,10 +151,10 @@ def trace_figure(outcome: Investigation) -> Any:
     before = outcome.plain.prediction.outputs[0]
     after = outcome.best.prediction.outputs[0]
     named = outcome.diagnosis.verdict == "named"
-    error = np.sqrt(np.nanmean((record.outputs - before) ** 2, axis=0))
+    error = np.sqrt(np.nanmean((record.measured - before) ** 2, axis=0))
     worst = sorted(np.argsort(-error)[:3].tolist())
     step = max(1, len(record.rows) // TRACE_POINTS)
-    time = record.output_time[::step]
+    time = record.time[::step]
     figure = _subplots(
         rows=len(worst),
         cols=1,
@@ -163,7 +163,7 @@ def trace_figure(outcome: Investigation) -> Any:
         vertical_spacing=0.07,
     )
     for row, k in enumerate(worst, start=1):
-        lines = [("measured", record.outputs[::step, k], MEASURED), ("plain model", before[::step, k], BEFORE)]
+        lines = [("measured", record.measured[::step, k], MEASURED), ("plain model", before[::step, k], BEFORE)]
         if named:
             lines.append(("with what is named", after[::step, k], AFTER))
         for name, y, colour in lines:
@@ -187,10 +187,10 @@ def error_figure(outcome: Investigation) -> Any:
     record = outcome.holdout.problem.records[0]
     width = max(1, round(0.25 / record.sample_time))
     count = len(record.rows) // width
-    time = record.output_time[: count * width].reshape(count, width).mean(axis=1)
+    time = record.time[: count * width].reshape(count, width).mean(axis=1)
 
     def blocks(outputs: Array) -> list[float]:
-        squares = np.mean((record.outputs - outputs)[: count * width] ** 2, axis=1).reshape(count, width)
+        squares = np.mean((record.measured - outputs)[: count * width] ** 2, axis=1).reshape(count, width)
         return [round(v, 5) for v in (1e3 * np.sqrt(squares.mean(axis=1))).tolist()]
 
     lines = [("plain model", outcome.plain.prediction.outputs[0], BEFORE)]

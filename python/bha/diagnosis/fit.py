@@ -19,9 +19,9 @@ from bha.diagnosis.cache import Cache
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.model import Model
 from bha.diagnosis.noise import Whitener
-from bha.diagnosis.records import Record
 from bha.diagnosis.steps import COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, allowed, far_apart
 from bha.errors import ConvergenceError
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class Problem:
     def residual(self, outputs: Sequence[Array]) -> Array:
         """White residual of all logs, measured less simulated, one vector; NaN if a run diverged."""
         return np.concatenate(
-            [w(r.outputs - y).ravel() for w, r, y in zip(self.whiteners, self.records, outputs, strict=True)]
+            [w(r.measured - y).ravel() for w, r, y in zip(self.whiteners, self.records, outputs, strict=True)]
         )
 
     def white(self, changes: Sequence[Array]) -> Array:
@@ -212,7 +212,7 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
     arm, camera = fit.model.arm(fit.x), fit.model.camera(fit.x)
     jobs = []
     for record, state in zip(problem.records, fit.states, strict=True):
-        rows = int(np.searchsorted(record.output_time, record.output_time[0] + MEMORY)) + 1
+        rows = int(np.searchsorted(record.time, record.time[0] + MEMORY)) + 1
         for k in range(2 * n):
             changed = state.copy()
             changed[k] += 0.1 * units[k]

@@ -89,10 +89,10 @@ class Holdout:
         """The model at ``x``; where it has run away the outputs are those measured, so that nothing is made of them."""
         outputs, until = [], []
         for record, y in zip(self.problem.records, self.problem.simulate(model, x, states), strict=True):
-            far = ~np.all(np.abs(y - record.outputs) < RUN_AWAY, axis=1)
-            time = record.output_time
+            far = ~np.all(np.abs(y - record.measured) < RUN_AWAY, axis=1)
+            time = record.time
             end = float(time[np.argmax(far)]) - BEFORE_RUN_AWAY if np.any(far) else np.inf
-            outputs.append(np.where((time < end)[:, None], y, record.outputs))
+            outputs.append(np.where((time < end)[:, None], y, record.measured))
             until.append(end)
         residual = self.problem.residual(outputs)
         return Fit(model, x, tuple(states), tuple(outputs), residual, float(residual @ residual)), tuple(until)
@@ -114,11 +114,11 @@ class Holdout:
         for record, whitener, part, y, end in zip(
             self.problem.records, self.problem.whiteners, self.problem.slices(), fit.outputs, until, strict=True
         ):
-            error = (record.outputs - y)[record.good & (record.output_time < end)[:, None]]
+            error = (record.measured - y)[record.usable & (record.time < end)[:, None]]
             squares += float(np.sum(error**2))
             count += error.size
             white = fit.residual[part].reshape(whitener.kept, -1)
-            share = np.interp(whitener.time, record.output_time, np.mean(record.good, axis=1))
+            share = np.interp(whitener.time, record.time, np.mean(record.usable, axis=1))
             for s in block_edges(whitener.time, length):
                 counted = float(np.mean(share[s]))
                 # What does not count is zero in the white rows. A block without readings says nothing, of any model.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.optimize import minimize
 
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ def noise_model(
         scatter: what sets logs apart for as long as they last, m, shape (channels,): all in the lowest band.
     """
     top = min(TOP_FREQUENCY, *(0.5 / record.sample_time for record in records))
-    edges = band_edges(max(float(np.ptp(r.output_time)) for r in records), top)
+    edges = band_edges(max(float(np.ptp(r.time)) for r in records), top)
     channels = len(records[0].channels)
     if sensors is None:
         sensors = [SensorNoise(float(v)) for v in np.sqrt(np.mean([r.noise**2 for r in records], axis=0))]
@@ -206,9 +206,9 @@ class Whitener:
         band = np.searchsorted(model.edges, frequency[: self.kept], side="right")
         self._slices = [(b, np.flatnonzero(band == b)) for b in range(len(model.edges))]
         self._factors = [np.linalg.inv(np.linalg.cholesky(c)) for c in model.covariance]
-        self._good = record.good
-        self._all_good = bool(np.all(record.good))
-        start, end = float(record.output_time[0]), float(record.output_time[-1])
+        self._good = record.usable
+        self._all_good = bool(np.all(record.usable))
+        start, end = float(record.time[0]), float(record.time[-1])
         #: Time of each white row, s.
         self.time = start + (np.arange(self.kept) + 0.5) / self.kept * (end - start)
 

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -90,11 +90,11 @@ def _common(first: Array, second: Array, step: float) -> Array:
 def _input_difference(first: Record, second: Record, shift: float) -> float:
     """Mean square of the difference of the pressures over their variance; infinite where they never change."""
     # No finer than the clocks are compared: this is done for every shift, before anything else of a diagnosis.
-    time = _common(first.time, second.time + shift, max(first.sample_time, SHIFT_STEP))
+    time = _common(first.drive.time, second.drive.time + shift, max(first.sample_time, SHIFT_STEP))
     if len(time) == 0:
         return np.inf
-    a = _at(time, first.time, first.pressures)
-    b = _at(time, second.time + shift, second.pressures)
+    a = _at(time, first.drive.time, first.drive.pressures)
+    b = _at(time, second.drive.time + shift, second.drive.pressures)
     variance = float(np.sum(np.var(a, axis=0)))
     noise = float(np.sum(first.pressure_noise**2))
     # Constant pressures are alike in all logs and make no repeat of them.
@@ -104,8 +104,8 @@ def _input_difference(first: Record, second: Record, shift: float) -> float:
 
 
 def _difference(first: Record, second: Record, shift: float) -> Array:
-    time = _common(first.output_time, second.output_time + shift, first.sample_time)
-    return _at(time, first.output_time, first.outputs) - _at(time, second.output_time + shift, second.outputs)
+    time = _common(first.time, second.time + shift, first.sample_time)
+    return _at(time, first.time, first.measured) - _at(time, second.time + shift, second.measured)
 
 
 def _at(time: Array, known: Array, values: Array) -> Array:

@@ -44,7 +44,7 @@ def _line(holdout: Holdout, best: Trial) -> dict[str, Any] | None:
     power: Array | None = None
     grid = np.linspace(0.2, 12.0, 600)
     for record, y in zip(holdout.problem.records, best.prediction.outputs, strict=True):
-        rest = record.outputs - y
+        rest = record.measured - y
         rest = (rest - rest.mean(axis=0)) * np.hanning(len(rest))[:, None]
         spectrum = np.abs(np.fft.rfft(rest, 4 * len(rest), axis=0)) ** 2
         frequency = np.fft.rfftfreq(4 * len(rest), record.sample_time)
@@ -72,7 +72,7 @@ def _spectra(holdout: Holdout, best: Trial, plain: Trial, noise: NoiseModel) -> 
     for k, record in enumerate(records):
         weights.append(float(len(record.rows)))
         for name, trial in (("before", plain), ("after", best)):
-            rest = np.where(record.good, record.outputs - trial.prediction.outputs[k], 0.0)
+            rest = np.where(record.usable, record.measured - trial.prediction.outputs[k], 0.0)
             frequency, density = _welch(rest, 1.0 / record.sample_time, length)
             found[name].append(density.mean(axis=1))
     keep = slice(1, None)  # the mean of a segment was taken away
@@ -106,17 +106,17 @@ def _follows(holdout: Holdout, best: Trial) -> list[dict[str, Any]]:
     target: dict[str, list[float]] = {}
     channels = holdout.problem.records[0].channels
     for record, y in zip(holdout.problem.records, best.prediction.outputs, strict=True):
-        rest = record.outputs - y
-        speed = np.gradient(y, record.output_time, axis=0)
-        pressure = record.pressures[record.rows]
-        for s in block_edges(record.output_time, 0.5):
+        rest = record.measured - y
+        speed = np.gradient(y, record.time, axis=0)
+        pressure = record.drive.pressures[record.rows]
+        for s in block_edges(record.time, 0.5):
             for k, name in enumerate(channels):
                 target.setdefault(name, []).append(float(np.mean(rest[s, k])))
                 rows.setdefault(name, []).append(float(np.mean(y[s, k])))
                 rows.setdefault(f"d{name}/dt", []).append(float(np.mean(speed[s, k])))
             for k, fact in enumerate(record.pressure_facts):
                 rows.setdefault(fact.name, []).append(float(np.mean(pressure[s, k])))
-            rows.setdefault("time", []).append(float(np.mean(record.output_time[s])))
+            rows.setdefault("time", []).append(float(np.mean(record.time[s])))
     moves = {
         name: float(np.ptp(rows[name])) > LEAST_TRAVEL * float(np.median([r.noise[k] for r in holdout.problem.records]))
         for k, name in enumerate(channels)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class PressureProbe:
 
 def acting_pressures(record: Record, probes: Sequence[PressureProbe], ambient: float) -> list[Array]:
     """The pressures that act under each probe, Pa, each (rows, inputs)."""
-    p, time = record.pressures, record.time
+    p, time = record.drive.pressures, record.drive.time
     result = [p.copy() for _ in probes]
     stepping: list[tuple[int, int]] = []
     for k, probe in enumerate(probes):

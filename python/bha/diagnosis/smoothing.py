@@ -16,7 +16,7 @@ from scipy.fft import dct
 from scipy.signal import firwin
 
 from bha.diagnosis.noise import frequencies
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -38,13 +38,15 @@ def smoothed(records: Sequence[Record]) -> list[Record]:
     cut = max(LEAST_CUT, MARGIN * max(float(top) for top in tops if top is not None))
     result = []
     for record in records:
-        step = float(np.median(np.diff(record.time)))
+        step = float(np.median(np.diff(record.drive.time)))
         if cut * step > MOST_SHARE:
             return list(records)
         taps = firwin(2 * round(1.6 / (cut * step)) + 1, 2.0 * cut * step)
-        if len(taps) > len(record.time) // 4:
+        if len(taps) > len(record.drive.time) // 4:
             return list(records)
-        result.append(replace(record, pressures=filtered(record.pressures, taps), pressure_taps=taps))
+        result.append(
+            replace(record, drive=record.driven_by(filtered(record.drive.pressures, taps)), pressure_taps=taps)
+        )
     return result
 
 
@@ -57,12 +59,12 @@ def filtered(values: Array, taps: Array) -> Array:
 
 def _highest_frequency(record: Record) -> float | None:
     """Highest frequency at which some pressure stands out of its noise, Hz; None where that cannot be said."""
-    steps = np.diff(record.time)
+    steps = np.diff(record.drive.time)
     step = float(np.median(steps))
     if np.any(record.pressure_noise <= 0.0) or np.any(np.abs(steps - step) > 0.02 * step) or len(steps) < 200:
         return None
-    power = (dct(record.pressures, axis=0, norm="ortho") / record.pressure_noise) ** 2
-    frequency = frequencies(len(record.time), step)
+    power = (dct(record.drive.pressures, axis=0, norm="ortho") / record.pressure_noise) ** 2
+    frequency = frequencies(len(record.drive.time), step)
     bins = (frequency / BIN).astype(int)
     count = np.bincount(bins)
     highest = 0.0

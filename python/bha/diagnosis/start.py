@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import _core
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 from bha.recordings import Observation
 
 Array = NDArray[np.float64]
@@ -58,8 +58,8 @@ def first_state(arm: _core.Arm, record: Record, sections: int) -> Array:
         if q is not None:
             _, jacobian = observation.at(arm, q)
             return np.concatenate([q, np.linalg.lstsq(jacobian, rates, rcond=None)[0]])
-    first = int(record.rows[0])
-    q = arm.static_lengths(record.pressures[first], None if record.forces is None else record.forces[first])
+    first, drive = int(record.rows[0]), record.drive
+    q = arm.static_lengths(drive.pressures[first], None if drive.forces is None else drive.forces[first])
     return np.concatenate([q, np.zeros(3 * sections)])
 
 
@@ -71,9 +71,9 @@ def _heads(observation: Observation) -> set[int]:
 
 def _start_of(record: Record) -> tuple[Array, Array]:
     """Values and rates of all channels at the first compared row, by a straight line through the rows after it."""
-    time = record.output_time
+    time = record.time
     count = max(FEWEST_ROWS, int(np.searchsorted(time, time[0] + START_TIME)))
-    rates, values = np.polyfit(time[:count] - time[0], record.outputs[:count], 1)
+    rates, values = np.polyfit(time[:count] - time[0], record.measured[:count], 1)
     return values, rates
 
 

@@ -20,7 +20,7 @@ from scipy.fft import dct
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bha.diagnosis.noise import COLOUR_GAIN, SensorNoise
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 from bha.support.spans import spans_of
 
 Array = NDArray[np.float64]
@@ -70,17 +70,17 @@ def start_scatter(records: Sequence[Record]) -> Array | None:
     """
     begun: list[tuple[Array, Array, Array]] = []
     for record in records:
-        end = record.time[0] + STILL_TIME
-        rows = record.output_time <= end
-        given = record.pressures[record.time <= end]
-        least = STILL_NOISES * record.pressure_noise + STILL_SHARE * np.ptp(record.pressures, axis=0)
-        if np.count_nonzero(rows) >= 3 and np.all(np.ptp(given, axis=0) <= least) and np.all(record.good[rows]):
+        end = record.drive.time[0] + STILL_TIME
+        rows = record.time <= end
+        given = record.drive.pressures[record.drive.time <= end]
+        least = STILL_NOISES * record.pressure_noise + STILL_SHARE * np.ptp(record.drive.pressures, axis=0)
+        if np.count_nonzero(rows) >= 3 and np.all(np.ptp(given, axis=0) <= least) and np.all(record.usable[rows]):
             noise = record.noise**2 / np.count_nonzero(rows)
-            begun.append((np.mean(given, axis=0), np.mean(record.outputs[rows], axis=0), noise))
+            begun.append((np.mean(given, axis=0), np.mean(record.measured[rows], axis=0), noise))
     if not begun:
         return None
     first = begun[0][0]
-    apart = SAME_SHARE * np.max([np.ptp(r.pressures, axis=0) for r in records], axis=0)
+    apart = SAME_SHARE * np.max([np.ptp(r.drive.pressures, axis=0) for r in records], axis=0)
     alike = [(pose, noise) for given, pose, noise in begun if np.all(np.abs(given - first) <= apart)]
     if len(alike) < FEWEST_STARTS:
         return None
@@ -93,7 +93,7 @@ def start_scatter(records: Sequence[Record]) -> Array | None:
 
 def still(record: Record) -> NDArray[np.bool_]:
     """Which compared rows come after pressures have stood still for a while, shape (k,)."""
-    time, pressures = record.time, record.pressures
+    time, pressures = record.drive.time, record.drive.pressures
     step = float(np.median(np.diff(time)))
     size = max(2, round(STILL_TIME / step) + 1)
     origin = (size - 1) // 2  # the window ends at its row
@@ -108,8 +108,8 @@ def still(record: Record) -> NDArray[np.bool_]:
 
 def _stretches(record: Record, error: Array, every: int, count: int) -> Array:
     """Errors in stretches of still pressures, one a stretch and channel, shape (stretches, count)."""
-    good = still(record) & np.all(record.good, axis=1) & np.all(np.isfinite(error), axis=1)
-    even = np.concatenate([[False], np.diff(record.output_time) < 1.5 * record.sample_time])
+    good = still(record) & np.all(record.usable, axis=1) & np.all(np.isfinite(error), axis=1)
+    even = np.concatenate([[False], np.diff(record.time) < 1.5 * record.sample_time])
     rows = []
     for first, last in spans_of(good):
         for start in range(first, last - every * (count - 1), every * count):

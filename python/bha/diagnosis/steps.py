@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.model import Model
-from bha.diagnosis.records import Record
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 

@@ -58,7 +58,7 @@ def locate(
     """
     records = problem.records
     channels = records[0].channels
-    residuals = [r.outputs - y for r, y in zip(records, outputs, strict=True)]
+    residuals = [r.measured - y for r, y in zip(records, outputs, strict=True)]
     floor = noise.floor
     blocks = [part for w, k in _white_parts(problem, white) for part in (k[s] for s in block_edges(w))]
     rng = np.random.default_rng([seed, 5])
@@ -140,9 +140,9 @@ def _modes(
 def _times(records: Sequence[Any], residuals: Sequence[Array], floor: Array) -> list[dict[str, Any]]:
     result = []
     for record, residual in zip(records, residuals, strict=True):
-        slices = block_edges(record.output_time)
+        slices = block_edges(record.time)
         ratio = [float(np.sqrt(np.mean((residual[s] / floor) ** 2))) for s in slices]
-        centre = [float(np.mean(record.output_time[s])) for s in slices]
+        centre = [float(np.mean(record.time[s])) for s in slices]
         result.append({"log": record.name, "time": centre, "ratio": ratio})
     return result
 
@@ -183,9 +183,9 @@ def _regions(
     labels = _block_labels(records)
     result: list[dict[str, Any]] = []
     observation = records[0].observation
-    outputs = np.concatenate([r.outputs for r in records])
-    speeds = np.concatenate([_speed(r.output_time, r.outputs) for r in records])
-    pressures = np.concatenate([r.pressures[r.rows] for r in records])
+    outputs = np.concatenate([r.measured for r in records])
+    speeds = np.concatenate([_speed(r.time, r.measured) for r in records])
+    pressures = np.concatenate([r.drive.pressures[r.rows] for r in records])
     lengths = np.flatnonzero(observation.is_length)
     for k, name in enumerate(observation.names):
         result.append(_region(name, "m", outputs[:, k], ratio, labels, rng))
@@ -205,7 +205,7 @@ def _block_labels(records: Sequence[Any]) -> NDArray[np.intp]:
     parts, at = [], 0
     for record in records:
         label = np.empty(len(record.rows), dtype=np.intp)
-        for s in block_edges(record.output_time):
+        for s in block_edges(record.time):
             label[s] = at
             at += 1
         parts.append(label)

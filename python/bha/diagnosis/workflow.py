@@ -16,12 +16,10 @@ from bha.diagnosis import catalogue
 from bha.diagnosis.baseline import (
     Baseline,
     Prepared,
-    cut_to,
     disturbed_outputs,
     fit_baseline,
     mean_white_square,
     prepare_runs,
-    thin,
 )
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.camera import with_camera
@@ -34,7 +32,16 @@ from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction
 from bha.diagnosis.intervals import intervals
 from bha.diagnosis.model import Model, plain_model
 from bha.diagnosis.noise import Whitener
-from bha.diagnosis.records import Record, from_rest, prepare, sensed_noise, split, with_least_noise
+from bha.diagnosis.preparation import (
+    cut_to,
+    from_rest,
+    left_open_in_words,
+    prepare,
+    sensed_noise,
+    split,
+    thin,
+    with_least_noise,
+)
 from bha.diagnosis.refit import Trial
 from bha.diagnosis.repeats import repeats, with_repeat_noise
 from bha.diagnosis.result import Diagnosis
@@ -45,6 +52,7 @@ from bha.diagnosis.start import first_state
 from bha.diagnosis.steady import start_scatter
 from bha.diagnosis.where import locate
 from bha.errors import InputError
+from bha.estimation.records import Record
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -128,11 +136,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         state.notes.append("orientations of heads take no part in a diagnosis, which weighs all outputs in metres")
     state.notes += [f"{log.name}: {text}" for log in (*logs, *holdout_logs) for text in (*log.notes, *log.findings)]
     state.notes += [
-        f"{r.name}: counts from {r.time[0]:.1f} s on, where the arm rests under its commands"
+        f"{r.name}: counts from {r.drive.time[0]:.1f} s on, where the arm rests under its commands"
         for r, log in zip([*train, *held], [*logs, *holdout_logs], strict=False)
-        if commanded and r.time[0] > log.time[0]
+        if commanded and r.drive.time[0] > log.time[0]
     ]
-    state.notes += [text for r in (*train, *held) if (text := r.left_open_in_words())]
+    state.notes += [text for r in (*train, *held) if (text := left_open_in_words(r))]
     if scatter is not None and np.any(scatter > baseline.noise.sensor * 0.3):
         state.notes.append(
             f"logs that begin under the same pressures begin {1e3 * float(np.max(scatter)):.2g} mm apart (RMS): "
@@ -269,7 +277,7 @@ def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial, unt
     outputs = engine.run([Job(arm, r, s, finer=model.finer, camera=camera) for r, s in runs])
     squares, count = 0.0, 0
     for record, y, end in zip(records, outputs, until, strict=True):
-        error = (record.outputs - y)[record.good & (record.output_time < end)[:, None]]
+        error = (record.measured - y)[record.usable & (record.time < end)[:, None]]
         squares += float(np.sum(error**2)) if np.all(np.isfinite(error)) else np.inf
         count += error.size
     return min(float(np.sqrt(squares / max(count, 1))), 1e6)

@@ -1,4 +1,4 @@
-"""Recordings as estimation sees them: channels with noise, usable rows, windows.
+"""Recordings as identification and diagnosis compare them with simulations: channels with noise, usable rows, windows.
 
 A record holds what the model predicts (lengths, head positions, orientations) beside what drives it; it is made of a
 :class:`bha.Recording`, which says what each sample is worth. Rows that do not count are left out of residuals; the
@@ -10,7 +10,9 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +20,14 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import InputError
 from bha.logs import Log
-from bha.recordings import Observation, PressureSort, Recording
+from bha.recordings import ChannelFacts, Observation, PressureSort, Recording
 from bha.recordings.aligned import COMMON
 from bha.recordings.clock import later
+from bha.recordings.doubt import Doubt
 from bha.runs.input import Input
+
+if TYPE_CHECKING:
+    from bha.arm.geometry import CameraFrame
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,48 +37,125 @@ Mask = NDArray[np.bool_]
 DEFAULT_NOISE = 2e-4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Record:
-    """One log, ready for residuals; m rows, C channels.
+    """One log, ready for comparison with simulations; k rows of it, C channels. Equal to itself alone.
 
     Attributes:
         name: what it is called in reports.
-        session: logs of one session share session parameters.
-        sha256: hash of its file, or None.
         drive: what drives the arm, at all sample times.
-        time: times of the rows compared, s, shape (m,).
+        rows: the samples of ``drive`` at which outputs are compared, shape (k,).
         observation: the measured channels as functions of coordinates and heads: lengths first, then head positions,
             then orientations.
-        measured: measurements, m, shape (m, C).
-        usable: which measurements count, shape (m, C).
-        noise: standard deviation of each channel's sensor noise, m, shape (C,).
-        pressure_noise: that of each pressure input, Pa, shape (inputs,).
+        measured: measurements, in the unit of the channel (m; of a quaternion none), shape (k, C).
+        usable: which measurements count, shape (k, C).
+        facts: noise and flaws of the channels.
+        pressure_facts: noise and flaws of the inputs; of their readings, whatever filter they went through since.
+        session: logs of one session share session parameters.
+        sha256: hash of its file, or None.
+        doubts: what the readings of each input leave open between them; none of any if empty.
+        thinning: of how many rows one is compared, after low-pass filtering.
+        pressure_taps: the filter that the pressures went through, None for none.
     """
 
     name: str
-    session: str
-    sha256: str | None
     drive: Input
-    time: Array
+    rows: NDArray[np.intp]
     observation: Observation
     measured: Array
     usable: Mask
-    noise: Array
-    pressure_noise: Array
+    facts: tuple[ChannelFacts, ...]
+    pressure_facts: tuple[ChannelFacts, ...]
+    session: str = ""
+    sha256: str | None = None
+    doubts: tuple[Doubt, ...] = ()
+    thinning: int = 1
+    pressure_taps: Array | None = None
 
     def __len__(self) -> int:
-        """Number of rows."""
-        return len(self.time)
+        """Number of rows compared."""
+        return len(self.rows)
+
+    @cached_property
+    def time(self) -> Array:
+        """Times of the rows compared, s, shape (k,)."""
+        return np.asarray(self.drive.time[self.rows])
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the measured channels."""
         return self.observation.names
 
+    @cached_property
+    def noise(self) -> Array:
+        """Standard deviation of each channel's sensor noise, in its unit, shape (C,)."""
+        return np.array([fact.noise for fact in self.facts])
+
+    @cached_property
+    def repeat_noise(self) -> Array:
+        """What the arm does otherwise each time, in the unit of the channel, shape (C,)."""
+        return np.array([fact.repeat_noise for fact in self.facts])
+
+    @cached_property
+    def pressure_noise(self) -> Array:
+        """Standard deviation of the noise of each pressure input, Pa, shape (inputs,)."""
+        return np.array([fact.noise for fact in self.pressure_facts])
+
     @property
     def duration(self) -> float:
         """From the first to the last row, s."""
         return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def sample_time(self) -> float:
+        """Median distance of the rows, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def has_unsure_pressures(self) -> bool:
+        """Whether pressures have noise, or may be others between their readings."""
+        return bool(np.any(self.pressure_noise > 0.0)) or any(doubt.any for doubt in self.doubts)
+
+    def pressure_errors(self, rng: np.random.Generator) -> Array:
+        """One draw of what the pressures may be besides those that are known, Pa, shape (samples, inputs)."""
+        errors = self.pressure_noise * rng.standard_normal(self.drive.pressures.shape)
+        for k, doubt in enumerate(self.doubts):
+            if doubt.any:
+                errors[:, k] += doubt.drawn(self.drive.time, rng)
+        return np.asarray(errors)
+
+    def driven_by(self, pressures: Array) -> Input:
+        """What drives the arm with other pressures, Pa absolute, shape (samples, inputs)."""
+        return replace(self.drive, pressures=pressures)
+
+    def seen_by(self, camera: CameraFrame | None) -> Record:
+        """The same log, its heads measured in another frame; as it is for None."""
+        return self if camera is None else replace(self, observation=self.observation.seen_by(camera))
+
+    def kept(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Record:
+        """The same record with some of its rows; what drives the arm keeps all its samples."""
+        return replace(self, rows=self.rows[rows], measured=self.measured[rows], usable=self.usable[rows])
+
+    def between(self, start: float, end: float) -> Record:
+        """The part from ``start`` to ``end``, s, driven by the samples there alone.
+
+        Raises:
+            InputError: there is none.
+        """
+        drive = self.drive
+        inside = np.flatnonzero((drive.time >= start) & (drive.time <= end))
+        if len(inside) == 0:
+            raise InputError(f"{self.name}: no row between {start} and {end} s")
+        first, last = int(inside[0]), int(inside[-1])
+        part = slice(first, last + 1)
+        forces = None if drive.forces is None else drive.forces[part]
+        cut = self.kept((self.rows >= first) & (self.rows <= last))
+        return replace(
+            cut,
+            drive=replace(drive, time=drive.time[part], pressures=drive.pressures[part], forces=forces),
+            rows=cut.rows - first,
+            doubts=tuple(doubt.between(first, last) for doubt in self.doubts),
+        )
 
     def without(self, spans: Sequence[tuple[float, float]]) -> Record:
         """The same record with the rows within some spans of time, s, not counting."""
@@ -83,8 +166,19 @@ class Record:
 
     def thinned(self, interval: float) -> Record:
         """The same record with readings at least ``interval`` s apart; what drives the arm keeps all its samples."""
-        rows = _thinned_readings(self.time, self.usable, interval)
-        return replace(self, time=self.time[rows], measured=self.measured[rows], usable=self.usable[rows])
+        return self.kept(_thinned_readings(self.time, self.usable, interval))
+
+    def with_noise(self, noise: Array) -> Record:
+        """The same record with another noise of its channels, in their units, shape (C,)."""
+        return replace(self, facts=_with_noise(self.facts, noise))
+
+    def with_pressure_noise(self, noise: Array) -> Record:
+        """The same record with another noise of its pressures, Pa, shape (inputs,)."""
+        return replace(self, pressure_facts=_with_noise(self.pressure_facts, noise))
+
+
+def _with_noise(facts: Sequence[ChannelFacts], noise: Array) -> tuple[ChannelFacts, ...]:
+    return tuple(replace(fact, noise=float(own)) for fact, own in zip(facts, noise, strict=True))
 
 
 @dataclass(frozen=True)
@@ -151,15 +245,15 @@ def record(
     deviation = np.where(known, deviation, np.median(deviation[known]) if known.any() else DEFAULT_NOISE)
     made = Record(
         name=origin,
-        session=session,
-        sha256=recording.log.sha256,
         drive=recording.drive,
-        time=recording.time[rows],
+        rows=recording.drive_rows[rows],
         observation=Observation.of(arm.parameters, [outputs[k] for k in kept]),
         measured=recording.measured[rows][:, kept],
         usable=recording.usable[rows][:, kept],
-        noise=deviation,
-        pressure_noise=recording.pressure_noise,
+        facts=_with_noise(facts, deviation),
+        pressure_facts=_with_noise(recording.pressure_facts, recording.pressure_noise),
+        session=session,
+        sha256=recording.log.sha256,
     )
     return made.without(exclude) if exclude else made
 

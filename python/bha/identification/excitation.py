@@ -26,7 +26,7 @@ from bha.estimation.records import Record, windows
 from bha.estimation.solver import Point, Problem, Residuals
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.logs import Log
-from bha.recordings import Observation
+from bha.recordings import ChannelFacts, Observation
 from bha.recordings.outputs import coordinate_outputs
 from bha.runs.input import Input
 
@@ -146,18 +146,17 @@ def predict_knowledge(
     """How well parameters would be known from a log of all lengths with some noise, m, under these pressures."""
     coordinates = resolve(arm.parameters, free)
     n = 3 * arm.section_count
-    thin = slice(None, None, max(1, round(0.01 * (len(time) - 1) / (time[-1] - time[0]))))
+    rows = np.arange(0, len(time), max(1, round(0.01 * (len(time) - 1) / (time[-1] - time[0]))))
+    observation = Observation.of(arm.parameters, coordinate_outputs(arm))
     rec = Record(
         name="<excitation>",
-        session="",
-        sha256=None,
         drive=Input(time, pressures),
-        time=time[thin],
-        observation=Observation.of(arm.parameters, coordinate_outputs(arm)),
-        measured=np.zeros((len(time[thin]), n)),
-        usable=np.ones((len(time[thin]), n), dtype=np.bool_),
-        noise=np.full(n, noise),
-        pressure_noise=np.zeros(pressures.shape[1]),
+        rows=rows,
+        observation=observation,
+        measured=np.zeros((len(rows), n)),
+        usable=np.ones((len(rows), n), dtype=np.bool_),
+        facts=tuple(ChannelFacts(name, "m", noise, 0.0, 0.0) for name in observation.names),
+        pressure_facts=tuple(ChannelFacts(name, "Pa", 0.0, 0.0, 0.0) for name in arm.inputs),
     )
     whole = windows([rec], None)
     states = np.concatenate([arm.static_lengths(pressures[0]), np.zeros(n)])[None]

@@ -106,13 +106,7 @@ def swing_damping(
             "under constant pressures after an external force lets go"
         )
     cut = [
-        replace(
-            rec,
-            name=f"{rec.name} {stretch.start:g}-{stretch.end:g} s",
-            time=rec.time[stretch.first : stretch.last],
-            measured=rec.measured[stretch.first : stretch.last],
-            usable=rec.usable[stretch.first : stretch.last],
-        )
+        replace(rec.kept(slice(stretch.first, stretch.last)), name=f"{rec.name} {stretch.start:g}-{stretch.end:g} s")
         for rec, stretch in found
     ]
     dampings = ["section.*.damping"] if alike else [f"section.{k + 1}.damping" for k in range(arm.section_count)]
