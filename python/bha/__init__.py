@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from bha.diagnosis import diagnose
     from bha.identification import excite, identify
     from bha.sweeps import sweep
+    from bha.viewer import view
 
 __all__ = [
     "Arm",
@@ -81,6 +82,7 @@ __all__ = [
     "simulate_batch",
     "simulate_closed_loop",
     "sweep",
+    "view",
 ]
 
 #: Name -> its package: what is imported when first asked for, so that ``import bha`` does not wait for it.
@@ -92,6 +94,7 @@ _LATER = {
     "identify": "bha.identification",
     "simulate_closed_loop": "bha.control",
     "sweep": "bha.sweeps",
+    "view": "bha.viewer",
 }
 
 

@@ -15,6 +15,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "robots": ("bha.cli.robots", "robots", "The arms that ship with the package."),
     "new": ("bha.cli.new", "new", "A commented parameter file of a new arm, by questions or options."),
     "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
+    "view": ("bha.cli.view", "view", "An arm in the browser: live, or beside what was measured."),
     "check": ("bha.cli.check", "check", "Whether logs and a parameter file belong together."),
     "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),
     "experiment": ("bha.cli.experiment", "experiment", "The paper's experiments on a virtual arm."),

@@ -1,0 +1,69 @@
+"""``bha view``: an arm in the browser, or as a page or a video."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+import click
+
+from bha.arm import Arm
+from bha.cli.common import arm_argument, progress_bar, reports_errors, say
+from bha.cli.logs import missing_option, pressures_option
+from bha.recordings import PressureSort
+
+
+@click.command()
+@arm_argument
+@click.argument("sources", metavar="[LOG|TRAJECTORY]...", nargs=-1, type=click.Path(path_type=Path))
+@pressures_option
+@missing_option
+@click.option("--port", type=int, help="Where to serve; 0: any that is free; left out: 8080 or the next free one.")
+@click.option("--host", default="127.0.0.1", show_default=True,
+              help="Who may see it: 127.0.0.1 this computer, 0.0.0.0 every one that can reach it.")  # fmt: skip
+@click.option("--browser/--no-browser", default=True, show_default=True, help="Open it in the browser.")
+@click.option("--page", "page_path", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False),
+              help="Write one .html file that plays by itself, without a network, and end.")  # fmt: skip
+@click.option("--speed", type=float, default=1.0, show_default=True,
+              help="Of a page: how many seconds are played in one.")  # fmt: skip
+@click.option("--rate", type=float, default=25.0, show_default=True,
+              help="Of a page: pictures for each second of playing.")  # fmt: skip
+@reports_errors
+def view(
+    arm: Arm,
+    sources: tuple[Path, ...],
+    pressures: PressureSort | None,
+    missing: bool,
+    port: int | None,
+    host: str,
+    browser: bool,
+    page_path: Path | None,
+    speed: float,
+    rate: float,
+) -> None:
+    """Show ARM (a parameter file or the name of a shipped arm) in the browser.
+
+    Without files the arm moves under pressures that are set by hand. A LOG drives a simulation, beside which stand the
+    heads that it has measured, with the gap as arrows. A TRAJECTORY (.npz, or a table with the rates of all lengths) is
+    shown as it is. Of several files the first is drawn in the colours of its pressures, others as glass. Ctrl-C ends.
+    """
+    from bha.viewer import Viewer, checked_page_path, motions_of, page  # noqa: PLC0415  (an optional extra)
+
+    if page_path is not None:
+        checked_page_path(page_path)  # before the work, lest it be lost
+    with progress_bar() as bar:
+        task = bar.add_task("reading and simulating", total=None if sources else 1.0)
+        motions = motions_of(arm, sources, pressures=pressures, missing=missing)
+        if page_path is not None:
+            bar.reset(task, description="drawing", total=1.0)
+            written = page(
+                arm, motions, speed=speed, rate=rate, progress=lambda done: bar.update(task, completed=done)
+            ).write(page_path)
+    if page_path is not None:
+        say(f"Written: {written}")
+        return
+    with Viewer(arm, motions, host=host, port=port) as viewer:
+        say(f"{arm.name} at {viewer.url}; Ctrl-C ends")
+        if browser and not webbrowser.open(viewer.url):
+            say("No browser could be opened here; open that address in one.")
+        viewer.wait()

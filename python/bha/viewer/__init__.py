@@ -1,0 +1,8 @@
+"""An arm in the browser: live, or beside what was measured of it; as a page and as a video, too (extra ``view``)."""
+
+from bha.viewer.app import Viewer
+from bha.viewer.motions import Moment, Motion, motions_of
+from bha.viewer.pages import Page, checked_page_path, page
+from bha.viewer.start import view
+
+__all__ = ["Moment", "Motion", "Page", "Viewer", "checked_page_path", "motions_of", "page", "view"]
