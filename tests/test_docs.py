@@ -16,6 +16,7 @@ from __future__ import annotations
 import doctest
 import os
 import re
+import runpy
 import subprocess
 import sysconfig
 from functools import cache
@@ -124,12 +125,23 @@ def test_the_site_leads_to_every_page_once() -> None:
     assert set(reached) == pages, f"in no toctree: {sorted(page.name for page in pages - set(reached))}"
 
 
-def test_pictures_of_the_site_are_drawn_by_scripts_of_the_repository() -> None:
+SCRIPTS = sorted([*(ROOT / "examples/gallery").glob("*.py"), *(DOCS / "sketches").glob("[!_]*.py")])
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_scripts_draw_the_pictures_of_the_site(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(script.parent)
+    runpy.run_path(str(script), run_name="__main__")
+    assert (tmp_path / f"{script.stem}.svg").stat().st_size > 5_000
+
+
+def test_every_script_stands_on_a_page() -> None:
     shown = {
         token.info.split(maxsplit=1)[1]
         for document in DOCUMENTS
         for token in snippets(document)
         if token.info.startswith("{picture}")
     }
-    scripts = {*(ROOT / "examples/gallery").glob("*.py"), *(DOCS / "sketches").glob("[!_]*.py")}
-    assert shown == {script.relative_to(ROOT).as_posix() for script in scripts}
+    assert shown == {script.relative_to(ROOT).as_posix() for script in SCRIPTS}

@@ -32,7 +32,7 @@ from sphinx.util.docutils import SphinxDirective
 
 import bha
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 #: Where pictures are kept, in the folder of the pages: Sphinx takes them from there.
 GENERATED = "_generated"
 #: A picture that takes longer, s, belongs into ``docs/figures``.
