@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 import bha
 from bha import names
+from bha.checkup import repaired
 from bha.checkup.causes import Cause
 from bha.checkup.layout import Layout, layout_of
 from bha.parameters import ArmParameters
@@ -429,7 +430,7 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     start = (0 if options.tune else 20_000) + options.first
-    counts: dict[tuple[str, str], list[int]] = defaultdict(lambda: [0, 0, 0])
+    counts: dict[tuple[str, str], list[int]] = defaultdict(lambda: [0, 0, 0, 0])
     seconds = 0.0
     for case in cases(options.only, range(start, start + options.seeds)):
         sensors = case.text.split(", ")[-3].split(", ")[-1] if case.text else ""
@@ -439,20 +440,24 @@ def main() -> None:
         # A gravity that only the poses speak for is a warning: rest lengths could be wrong instead.
         hit = bool(found.faults) or (case.fault == "gravity" and any(f.kind == "gravity" for f in found.findings))
         right = hit and case.fault != "none" and named(case, found)
+        mended = bool(found.faults) and not repaired(case.arm, found.recordings).faults
         for key in ((case.fault, "all"), (case.fault, sensors)):
             counts[key][0] += 1
             counts[key][1] += hit
             counts[key][2] += right
+            counts[key][3] += mended
         if options.verbose and (hit if case.fault == "none" else not right):
             print(f"{case.fault}: {case.text}: {[f.what for f in found.faults] or 'nothing'}", file=sys.stderr)
-    print("| fault | cases | found | 95 % | truth in the class | " + " | ".join(SENSORS) + " |")
-    print("|---|---|---|---|---|" + "---|" * len(SENSORS))
+    print("| fault | cases | found | 95 % | truth in the class | mended | " + " | ".join(SENSORS) + " |")
+    print("|---|---|---|---|---|---|" + "---|" * len(SENSORS))
     for fault in options.only:
-        count, hits, right = counts[fault, "all"]
+        count, hits, right, mended = counts[fault, "all"]
         low, high = wilson(hits, count)
         by = " | ".join(f"{counts[fault, s][1]}/{counts[fault, s][0]}" if counts[fault, s][0] else "" for s in SENSORS)
         truth = "" if fault == "none" else str(right)
-        print(f"| {NAMES[fault]} | {count} | {hits} | {100 * low:.1f} to {100 * high:.1f} % | {truth} | {by} |")
+        print(
+            f"| {NAMES[fault]} | {count} | {hits} | {100 * low:.1f} to {100 * high:.1f} % | {truth} | {mended} | {by} |"
+        )
     total = sum(counts[fault, "all"][0] for fault in options.only)
     print(f"\n{total} cases, {1e3 * seconds / max(total, 1):.0f} ms a check")
 

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.checkup.finding import Explanation, Finding
+from bha.checkup.mend import Mend
 from bha.checkup.ranges import LENGTH_UNITS
 from bha.checkup.seen import Seen
-from bha.checkup.words import axes_text, rotation_text
+from bha.checkup.words import axes_text, camera_mend, rotation_text
 from bha.errors import BhaError
 
 if TYPE_CHECKING:
@@ -149,9 +150,12 @@ def _unit(heads: list[int], size: float, reach: float, travel: float, where: str
     columns = ", ".join(f"{axis}{heads[0] + 1}" for axis in "xyz")
     what = "head positions are not in the unit that their headings say"
     evidence = f"head {heads[-1] + 1} is {size:.4g} m from the base in the mean, the arm is about {reach:.3g} m long"
+    (factor, *more) = fits
+    names = [f"{axis}{i + 1}" for i in heads for axis in "xyz"]
     cause = Explanation(
         f"another unit: {' or '.join(fits.values())}",
         f"write the right unit in the headings of {columns}, ...: 'x{heads[0] + 1} [mm]'",
+        None if more else Mend(factors=dict.fromkeys(names, 1.0 / factor)),
     )
     return Finding("fault", "unit", where, what, evidence, {"ratio": ratio}, (cause,))
 
@@ -188,7 +192,7 @@ def _exchanged(heads: list[int], order: tuple[int, ...], means: Array, predicted
         what,
         evidence,
         {},
-        (Explanation("columns of heads exchanged", f"in the log's heading rename {pairs}"),),
+        (Explanation("columns of heads exchanged", f"in the log's heading rename {pairs}", Mend(renames=changed)),),
     )
 
 
@@ -200,12 +204,17 @@ def _axes(arm: Arm, off: float, seen_by: Array, camera: Array, line: Array, wher
     )
     axes = arm.parameters.base_pose.rotation_matrix @ seen_by.T @ camera
     whole = np.round(axes)
+    along = np.allclose(axes, whole, atol=0.2)
     repair = (
         f"[sensors] camera_axes = {axes_text(whole)}"
-        if np.allclose(axes, whole, atol=0.2)
+        if along
         else f"[sensors] camera_rotation_deg = {rotation_text(axes)}"
     )
-    found = Explanation("axes of the camera exchanged, reversed or turned (or base and tip exchanged)", repair)
+    found = Explanation(
+        "axes of the camera exchanged, reversed or turned (or base and tip exchanged)",
+        repair,
+        camera_mend(whole, None) if along else camera_mend(np.eye(3), axes),
+    )
     split = "the axes across the arm are a guess here; repair, and check again: its motions tell"
     return Finding("fault", "camera", where, what, evidence, {"angle_deg": off}, (found,), (split,))
 

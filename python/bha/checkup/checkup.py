@@ -20,6 +20,7 @@ from bha.checkup.finding import Finding, merged, worst_first
 from bha.checkup.geometry import geometry_findings
 from bha.checkup.gravity import gravity_findings, sort_of_pressure_findings
 from bha.checkup.layout import MOST_SECTIONS, Layout, layout_of
+from bha.checkup.mend import Mend, in_words, mended_arm, mended_log
 from bha.checkup.one_log import OneLog, logs_apart
 from bha.checkup.ranges import length_findings, pressure_findings
 from bha.checkup.seen import Seen
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: Faults that are mended one after the other, at the most.
+MOST_REPAIRS = 8
 #: A pressure that was not read for longer than this, s, leaves the rows meanwhile out.
 LONGEST_UNREAD = 1.0
 
@@ -51,6 +54,8 @@ class Checkup:
         recordings: the logs as the arm sees them.
         evidence: what motions follow which pressures; None where nothing was to be compared.
         verdict: what explains the motions; None likewise.
+        arm: the arm, as it was checked.
+        repairs: what was mended before that, in sentences; see :func:`repaired`.
     """
 
     arm_name: str
@@ -58,8 +63,10 @@ class Checkup:
     findings: tuple[Finding, ...]
     untold: tuple[str, ...]
     recordings: tuple[Recording, ...]
-    evidence: Evidence | None = None
-    verdict: Verdict | None = None
+    evidence: Evidence | None
+    verdict: Verdict | None
+    arm: Arm
+    repairs: tuple[str, ...] = ()
 
     @property
     def faults(self) -> tuple[Finding, ...]:
@@ -128,8 +135,11 @@ def checked(
     *,
     pressures: PressureSort | None = None,
     missing: bool = False,
+    repair: bool = False,
 ) -> Checkup:
     """Logs that are checked, and warned of: what identification and diagnosis begin with.
+
+    ``repair`` mends what can be mended (:func:`repaired`); go on with the arm and recordings of the result.
 
     Raises:
         LogError: a log cannot be read or lacks a pressure of the arm.
@@ -139,9 +149,41 @@ def checked(
         LogWarning: logs and file do not belong together, or something else is to be doubted.
     """
     made = recordings(arm, logs, pressures=pressures, missing=missing, warn=False)
-    found = check_recordings(arm, made)
+    found = repaired(arm, made) if repair else check_recordings(arm, made)
     found.warn(stacklevel=3)
     return found
+
+
+def repaired(arm: Arm, made: Sequence[Recording]) -> Checkup:
+    """Check, mend the first fault that a machine can mend, and check again, until there is none.
+
+    Returns:
+        The last check, with the mended arm and recordings, and what was mended. Faults that are left are in it.
+    """
+    found = check_recordings(arm, made)
+    done: list[str] = []
+    tried: set[str] = set()
+    for _ in range(MOST_REPAIRS):
+        fault = next((f for f in found.faults if _mend(f) is not None and f.what not in tried), None)
+        if fault is None:
+            break
+        tried.add(fault.what)
+        mend = _mend(fault)
+        assert mend is not None
+        sort = found.recordings[0].pressures.sort
+        logs = [mended_log(r.log, mend) if mend.of_log and fault.concerns(r.name) else r.log for r in found.recordings]
+        named = {id(log): r.name for log, r in zip(logs, found.recordings, strict=True)}
+        arm = arm if mend.of_log else mended_arm(arm, mend)
+        again = [Recording(arm, log, pressures=sort, name=named[id(log)], warn=False) for log in logs]
+        first, *others = fault.explanations
+        done.append(in_words(first.what, [e.what for e in others], fault.where))
+        found = check_recordings(arm, again)
+    return replace(found, repairs=tuple(done))
+
+
+def _mend(finding: Finding) -> Mend | None:
+    """How a fault is mended by machine: as the first of its explanations says."""
+    return finding.explanations[0].mend if finding.explanations else None
 
 
 def check_recordings(arm: Arm, made: Sequence[Recording]) -> Checkup:
@@ -176,7 +218,7 @@ def check_recordings(arm: Arm, made: Sequence[Recording]) -> Checkup:
     else:
         more, said, result = _motions(arm, layout, made, movable, said, blocked)
         found += more
-    return Checkup(arm.name, facts, worst_first(merged(found)), tuple(said), tuple(made), *result)
+    return Checkup(arm.name, facts, worst_first(merged(found)), tuple(said), tuple(made), *result, arm)
 
 
 def _motions(

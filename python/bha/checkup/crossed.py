@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from bha.checkup.explain import LEAST_EXPLAINED, MOST_SPOILED, Verdict
 from bha.checkup.finding import Explanation, Finding
 from bha.checkup.layout import Layout
+from bha.checkup.mend import Mend
 from bha.checkup.seen import Seen
 from bha.checkup.wiring import Evidence, as_filed, evidence, explained, score, seen_drive
 
@@ -56,7 +57,7 @@ class Crossed:
             "with two of them exchanged",
             shares,
             {"gain": self.gain},
-            (Explanation(f"length sensors exchanged: {a} and {b}", repair),),
+            (Explanation(f"length sensors exchanged: {a} and {b}", repair, Mend(renames={a: b, b: a})),),
             ("pull one length sensor by hand and watch which column changes",),
         )
 

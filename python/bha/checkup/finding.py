@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
+from bha.checkup.mend import Mend
+
 Severity = Literal["fault", "warning", "note"]
 #: From the worst on.
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
@@ -19,10 +21,12 @@ class Explanation:
     Attributes:
         what: the mistake.
         repair: the line that mends it: of the arm's file, of the log's heading, or an option.
+        mend: the same as data, where a machine can make it.
     """
 
     what: str
     repair: str
+    mend: Mend | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class Finding:
         numbers: the numbers, for machines.
         explanations: mistakes that explain it; several where they act alike, the likeliest first.
         splits: what would tell these explanations apart.
+        logs: names of the logs that it concerns where ``where`` does not have them all.
     """
 
     severity: Severity
@@ -50,6 +55,11 @@ class Finding:
     numbers: dict[str, Any] = field(default_factory=dict)
     explanations: tuple[Explanation, ...] = ()
     splits: tuple[str, ...] = ()
+    logs: tuple[str, ...] = ()
+
+    def concerns(self, name: str) -> bool:
+        """Whether it is of a log of that name."""
+        return self.where == "all logs" or name in (self.logs or self.where.split(", "))
 
     def lines(self) -> Iterator[str]:
         """The finding as lines of text."""
@@ -71,6 +81,8 @@ class Finding:
         """For JSON; numbers that are not finite become None."""
         mapping = asdict(self)
         mapping["numbers"] = {key: _finite(value) for key, value in self.numbers.items()}
+        for explanation, written in zip(self.explanations, mapping["explanations"], strict=True):
+            written["mend"] = explanation.mend is not None
         return mapping
 
 
@@ -86,9 +98,12 @@ def merged(findings: Sequence[Finding]) -> list[Finding]:
     """Findings that say the same of several logs said once, in the order of the first ones."""
     groups: dict[tuple[Any, ...], list[Finding]] = {}
     for finding in findings:
-        groups.setdefault((finding.severity, finding.kind, finding.what, finding.explanations), []).append(finding)
+        said = tuple((explanation.what, explanation.repair) for explanation in finding.explanations)
+        groups.setdefault((finding.severity, finding.kind, finding.what, said), []).append(finding)
     return [
-        group[0] if len(group) == 1 else replace(group[0], where=", ".join(_shown([f.where for f in group])))
+        group[0]
+        if len(group) == 1
+        else replace(group[0], where=", ".join(_shown([f.where for f in group])), logs=tuple(f.where for f in group))
         for group in groups.values()
     ]
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.checkup.finding import Explanation, Finding, Severity
+from bha.checkup.mend import Mend
 from bha.checkup.ranges import BELIEVED, inside
 from bha.checkup.seen import Seen
 from bha.checkup.wiring import LEAST_BALANCE, Evidence, Key, balance, explained
@@ -91,7 +92,7 @@ def gravity_findings(arm: Arm, logs: Sequence[Seen], found: Evidence, where: str
         )
     line = "gravity = [" + ", ".join(f"{-g + 0.0:g}" for g in gravity) + "]"
     what = "gravity points the other way: the arm hangs where the file lets it stand, or the reverse"
-    explanations = [Explanation(what, line)]
+    explanations = [Explanation(what, line, Mend(arm={"gravity": [-float(g) + 0.0 for g in gravity]}))]
     if not by_carrying:
         shift = _rest_shift(arm, other_arm)
         rest = "; ".join(
@@ -157,7 +158,7 @@ def sort_of_pressure_findings(
             "pressures are not what their headings say",
             evidence,
             numbers,
-            (Explanation(said, repair),),
+            (Explanation(said, repair, Mend(gauge=not is_gauge.all(), pressures=tuple(columns))),),
         )
     ]
 

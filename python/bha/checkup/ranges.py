@@ -12,12 +12,14 @@ no pump of a bellows arm makes such a vacuum.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha.checkup.finding import Explanation, Finding, Severity
+from bha.checkup.mend import Mend
 from bha.recordings.ranges import TOLERANCE, excursions
 
 if TYPE_CHECKING:
@@ -79,7 +81,7 @@ def pressure_findings(
     )
     shown = ", ".join(columns[:3]) + (", ..." if len(columns) > 3 else "")
     if share < DOUBTED:
-        explanations = _heading_mistakes(pressures, ranges, ambient, is_gauge, shown)
+        explanations = _heading_mistakes(pressures, ranges, ambient, is_gauge, columns, shown)
         if explanations:
             what = "pressures are not what their headings say"
             kind = "gauge" if "heading" in explanations[0].what else "unit"
@@ -114,7 +116,7 @@ def pressure_findings(
 
 
 def _heading_mistakes(
-    pressures: Array, ranges: Array, ambient: float, is_gauge: NDArray[np.bool_], shown: str
+    pressures: Array, ranges: Array, ambient: float, is_gauge: NDArray[np.bool_], columns: Sequence[str], shown: str
 ) -> tuple[Explanation, ...]:
     """Mistakes of the heading that bring the pressures into the ranges; the simplest first."""
     raw = pressures - np.where(is_gauge, ambient, 0.0)  # as the file has them, in Pa
@@ -127,7 +129,8 @@ def _heading_mistakes(
         else:
             what = "gauge pressure without (g) in its heading"
             repair = f"write (g) behind the unit of {shown}, as in '{shown.split(',', maxsplit=1)[0]} [kPa(g)]'"
-        found.append((_spread(flipped, ranges) > LEAST_SPREAD, Explanation(what, repair)))
+        mend = _sorted_mend(columns, is_gauge)
+        found.append((_spread(flipped, ranges) > LEAST_SPREAD, Explanation(what, repair, mend)))
     for flip in (False, True):
         if flip and found:
             break
@@ -145,9 +148,17 @@ def _heading_mistakes(
                 repair = (
                     f"write the right unit in the headings of {shown}: '{first} [unit]', '{first} [unit(g)]' for gauge"
                 )
-                found.append((True, Explanation(what, repair)))
+                mend = _sorted_mend(columns, is_gauge) if flip else Mend()
+                if mend is not None:
+                    mend = replace(mend, factors=dict.fromkeys(columns, 1.0 / ratio))
+                found.append((True, Explanation(what, repair, mend)))
     # What leaves pressures that hardly move is the last to be believed.
     return tuple(explanation for _, explanation in sorted(found, key=lambda entry: not entry[0]))
+
+
+def _sorted_mend(columns: Sequence[str], is_gauge: NDArray[np.bool_]) -> Mend | None:
+    """Gauge for absolute pressures or the reverse; none where the columns are of both sorts."""
+    return Mend(gauge=not is_gauge.all(), pressures=tuple(columns)) if len(set(is_gauge.tolist())) == 1 else None
 
 
 def _spread(pressures: Array, ranges: Array) -> float:
@@ -169,7 +180,11 @@ def _vacuum(
     severity: Severity = "fault" if single < ranges[:, 0].min() - TOLERANCE * ambient else "warning"
     repair = f"write (g) behind the unit of {', '.join(columns[:3])}, as in '{columns[0]} [kPa(g)]'"
     what = f"absolute pressures of {_kilo(single)} kPa would be a vacuum that no bellows arm has"
-    return severity, what, (Explanation("gauge pressure without (g) in its heading", repair),)
+    return (
+        severity,
+        what,
+        (Explanation("gauge pressure without (g) in its heading", repair, Mend(gauge=True, pressures=tuple(columns))),),
+    )
 
 
 def _never_vented(
@@ -183,7 +198,13 @@ def _never_vented(
         return None
     repair = f"leave (g) out of the headings of {', '.join(columns[:3])}: '{columns[0]} [kPa]'"
     what = f"gauge pressures never come below {_kilo(least)} kPa, about ambient pressure"
-    return what, (Explanation("absolute pressure with a heading that says gauge pressure", repair),)
+    return what, (
+        Explanation(
+            "absolute pressure with a heading that says gauge pressure",
+            repair,
+            Mend(gauge=False, pressures=tuple(columns)),
+        ),
+    )
 
 
 def length_findings(ranges: Array, name: str, columns: Sequence[str], time: Array, lengths: Array) -> list[Finding]:
@@ -199,11 +220,16 @@ def length_findings(ranges: Array, name: str, columns: Sequence[str], time: Arra
     )
     shown = ", ".join(columns[:3]) + (", ..." if len(columns) > 3 else "")
     if share < DOUBTED:
-        fits = [unit for ratio, unit in LENGTH_UNITS.items() if inside(lengths / ratio, ranges) > BELIEVED]
+        fits = {
+            unit: Mend(factors=dict.fromkeys(columns, 1.0 / ratio))
+            for ratio, unit in LENGTH_UNITS.items()
+            if inside(lengths / ratio, ranges) > BELIEVED
+        }
         if fits:
             what = Explanation(
                 f"another unit: {' or '.join(fits)}",
                 f"write the right unit in the headings of {shown}: '{columns[0]} [mm]'",
+                next(iter(fits.values())) if len(fits) == 1 else None,
             )
             return [
                 Finding(

@@ -12,6 +12,7 @@ from bha.checkup.causes import Cause
 from bha.checkup.explain import Verdict
 from bha.checkup.finding import Explanation, Finding
 from bha.checkup.layout import Layout
+from bha.checkup.mend import Mend
 from bha.checkup.wiring import Evidence, as_filed, explained, explained_linear, seen_drive
 
 Array = NDArray[np.float64]
@@ -135,7 +136,7 @@ def explanation(
     else:
         said = _sensors(cause, found)
     if alone and cause.kind in ("azimuth", "camera"):
-        said = replace(said, repair=f"a copy of the arm's file for this log alone, with {said.repair}")
+        said = replace(said, repair=f"a copy of the arm's file for this log alone, with {said.repair}", mend=None)
     return said if cause.count == 1 else replace(said, what=f"{said.what} ({cause.count} mistakes at once)")
 
 
@@ -156,7 +157,7 @@ def _tubes(cause: Cause, layout: Layout, columns: Sequence[str], *, alone: bool)
     repair = f"in the log's heading rename {pairs}"
     if not alone:
         repair += "; or in the arm's file write the [[section.bellows]] of " + ", those of ".join(lines)
-    return Explanation(what, repair)
+    return Explanation(what, repair, Mend(renames=changed))
 
 
 def _azimuth(cause: Cause, found: Evidence) -> Explanation:
@@ -169,12 +170,17 @@ def _azimuth(cause: Cause, found: Evidence) -> Explanation:
     )  # fmt: skip
     what = f"chambers at another azimuth than the file says{against}: {parts}"
     lines = "; ".join(_angles_line(found.layout, i, a) for i, a in zip(cause.sections, cause.turns, strict=True))
-    return Explanation(what, lines)
+    angles = {i: _angles(found.layout, i, a) for i, a in zip(cause.sections, cause.turns, strict=True)}
+    return Explanation(what, lines, Mend(angles=angles))
+
+
+def _angles(layout: Layout, section: int, turn: float) -> tuple[float, ...]:
+    angles = np.mod(np.degrees(layout.angles[section] + turn) + 180.0, 360.0) - 180.0
+    return tuple(round(float(a), 0) + 0.0 for a in angles)
 
 
 def _angles_line(layout: Layout, section: int, turn: float) -> str:
-    angles = np.mod(np.degrees(layout.angles[section] + turn) + 180.0, 360.0) - 180.0
-    text = ", ".join(f"angle_deg = {round(a, 0) + 0.0:g}" for a in angles)
+    text = ", ".join(f"angle_deg = {a:g}" for a in _angles(layout, section, turn))
     return f"[[section.bellows]] of section {section + 1}, in their order: {text}"
 
 
@@ -187,14 +193,28 @@ def _camera(cause: Cause, camera: Array, base: Array) -> Explanation:
         f"camera turned by {np.degrees(turn):.0f} deg about the arm's axis"
     )  # fmt: skip
     if np.allclose(axes, whole, atol=0.2) and abs(abs(np.linalg.det(whole)) - 1.0) < 1e-9:
-        return Explanation(what, f"[sensors] camera_axes = {axes_text(whole)}")
+        return Explanation(what, f"[sensors] camera_axes = {axes_text(whole)}", camera_mend(whole, None))
     if cause.mirrored:
         # The nearest axes, and what is left as a rotation before them: axes = R A.
         flip = np.diag([1.0, -1.0, 1.0])
         return Explanation(
-            what, f"[sensors] camera_axes = {axes_text(flip)}, camera_rotation_deg = {rotation_text(axes @ flip)}"
+            what,
+            f"[sensors] camera_axes = {axes_text(flip)}, camera_rotation_deg = {rotation_text(axes @ flip)}",
+            camera_mend(flip, axes @ flip),
         )
-    return Explanation(what, f"[sensors] camera_rotation_deg = {rotation_text(axes)}")
+    return Explanation(what, f"[sensors] camera_rotation_deg = {rotation_text(axes)}", camera_mend(np.eye(3), axes))
+
+
+def camera_mend(axes: Array, rotation: Array | None) -> Mend:
+    """The camera's axes, a signed permutation, and its rotation (None for none) as a change of the file."""
+    return Mend(
+        arm={
+            "sensors": {
+                "camera_axes": axes_of(axes),
+                "camera_rotation_deg": [0.0, 0.0, 0.0] if rotation is None else rotation_vector(rotation),
+            }
+        }
+    )
 
 
 def turned(angle: float, *, mirrored: bool = False) -> Array:
@@ -206,22 +226,32 @@ def turned(angle: float, *, mirrored: bool = False) -> Array:
 
 def axes_text(axes: Array) -> str:
     """A signed permutation of the base axes as ``camera_axes``: its columns."""
+    return "[" + ", ".join(f'"{name}"' for name in axes_of(axes)) + "]"
+
+
+def axes_of(axes: Array) -> list[str]:
+    """A signed permutation of the base axes by the names of its columns."""
     names = []
     for column in axes.T:
         k = int(np.argmax(np.abs(column)))
         names.append(("-" if column[k] < 0 else "") + "xyz"[k])
-    return "[" + ", ".join(f'"{name}"' for name in names) + "]"
+    return names
 
 
 def rotation_text(rotation: Array) -> str:
-    """A rotation matrix as a rotation vector, deg."""
+    """A rotation matrix as a rotation vector, deg, as text."""
+    return "[" + ", ".join(f"{v:.1f}" for v in rotation_vector(rotation)) + "]"
+
+
+def rotation_vector(rotation: Array) -> list[float]:
+    """A rotation matrix as a rotation vector in whole degrees."""
     angle = float(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
     axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     if np.linalg.norm(axis) < 1e-9:  # half a turn: the axis is what stays
         values, vectors = np.linalg.eigh(0.5 * (rotation + rotation.T))
         axis = vectors[:, int(np.argmax(values))] if angle > 1.0 else np.array([0.0, 0.0, 1.0])
     vector = np.degrees(angle) * axis / np.linalg.norm(axis)
-    return "[" + ", ".join(f"{round(v, 0) + 0.0:.1f}" for v in vector) + "]"
+    return [round(float(v), 0) + 0.0 for v in vector]
 
 
 def _sensors(cause: Cause, found: Evidence) -> Explanation:
@@ -231,7 +261,7 @@ def _sensors(cause: Cause, found: Evidence) -> Explanation:
         for i, other in enumerate(source):
             changed |= dict(zip(found.length_places[i], found.length_places[other], strict=False)) if i != other else {}
         what = f"length sensors of sections {_list(cause.sections)} exchanged"
-        return Explanation(what, f"in the log's heading rename {_pairs(changed)}")
+        return Explanation(what, f"in the log's heading rename {_pairs(changed)}", Mend(renames=changed))
     renamed: dict[str, str] = {}
     if cause.kind == "wires":
         names = found.linear["lengths"].names
@@ -241,7 +271,7 @@ def _sensors(cause: Cause, found: Evidence) -> Explanation:
         turn, mirrored = cause.assignment.turns["lengths"][i], cause.assignment.mirrored["lengths"][i]
         renamed |= renames(found.length_places[i], turn, mirrored=mirrored)
     what = f"length sensors exchanged: {_arrows(renamed, 'shows')}"
-    return Explanation(what, f"in the log's heading rename {_pairs(renamed)}")
+    return Explanation(what, f"in the log's heading rename {_pairs(renamed)}", Mend(renames=renamed))
 
 
 def renames(places: Mapping[str, float], turn: float, *, mirrored: bool) -> dict[str, str]:

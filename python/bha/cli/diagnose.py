@@ -18,7 +18,7 @@ from bha.cli.common import (
     reports_errors,
     say,
 )
-from bha.cli.logs import missing_option, pressures_option, read_logs
+from bha.cli.logs import missing_option, pressures_option, read_logs, repair_option
 from bha.diagnosis import diagnose as run
 from bha.diagnosis.result import Diagnosis, Number
 from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, headline
@@ -35,6 +35,7 @@ from bha.recordings import PressureSort
               help="Folder for diagnosis.json, arm_diagnosed.toml and report.html.")  # fmt: skip
 @pressures_option
 @missing_option
+@repair_option
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of all that is drawn at random.")
 @click.option("--threads", type=click.IntRange(min=1), help="Number of threads; all cores if left out.")
@@ -47,6 +48,7 @@ def diagnose(
     out: Path,
     pressures: PressureSort | None,
     missing: bool,
+    repair: bool,
     no_report: bool,
     seed: int,
     threads: int | None,
@@ -68,6 +70,7 @@ def diagnose(
             read[: len(logs)],
             read[len(logs) :],
             out=out,
+            repair=repair,
             report=not no_report,
             seed=seed,
             threads=threads,

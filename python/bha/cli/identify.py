@@ -10,7 +10,7 @@ from rich.table import Table
 
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
-from bha.cli.logs import missing_option, pressures_option, read_logs
+from bha.cli.logs import missing_option, pressures_option, read_logs, repair_option
 from bha.errors import InputError
 from bha.estimation.free import FreeParameter
 from bha.estimation.refinement import Settings
@@ -41,6 +41,7 @@ NOT_CONVERGED = 3
 @click.option("--step", type=float, help="Step of the integrator [s]; chosen and checked if left out.")
 @pressures_option
 @missing_option
+@repair_option
 @click.option("--max-iterations", type=click.IntRange(1), default=40, show_default=True)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the redrawn pressure noise.")
 @click.option("--plot", "plot", is_flag=True, help="Write figures beside --out (or beside the first log).")
@@ -56,6 +57,7 @@ def identify_command(
     step: float | None,
     pressures: PressureSort | None,
     missing: bool,
+    repair: bool,
     max_iterations: int,
     seed: int,
     plot: bool,
@@ -77,6 +79,7 @@ def identify_command(
             read[: len(logs)],
             parameters,
             holdout=read[len(logs) :],
+            repair=repair,
             settings=settings,
             progress=lambda text, done: bar.update(task, description=text, completed=done),
         )

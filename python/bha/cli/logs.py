@@ -23,6 +23,14 @@ missing_option = click.option(
     "--missing", is_flag=True, help="Take NaN and empty cells of measured outputs as missing samples."
 )
 
+#: Whether faults of the setup are mended first.
+repair_option = click.option(
+    "--repair",
+    is_flag=True,
+    help="Mend first what bha check calls a fault and a machine can mend (exchanged tubes, "
+    "azimuth, camera, gauge, units), in memory: files stay as they are.",
+)
+
 
 def read_logs(arm: Arm, paths: Sequence[Path], pressures: PressureSort | None, missing: bool) -> list[Recording]:
     """Recordings of some files by one arm; all with the pressures of the first where none are asked for.

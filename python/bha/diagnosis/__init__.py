@@ -52,6 +52,7 @@ def diagnose(
     *,
     out: str | os.PathLike[str] | None = None,
     pressures: PressureSort | None = None,
+    repair: bool = False,
     kinds: Sequence[str] | None = None,
     report: bool = True,
     seed: int = 0,
@@ -73,6 +74,8 @@ def diagnose(
         out: folder for ``diagnosis.json``, ``arm_diagnosed.toml`` and ``report.html``; nothing is written if None.
         pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
             where the first log has them.
+        repair: mend first what ``bha.check`` calls a fault and a machine can mend (tubes exchanged, azimuth, camera,
+            gauge, units, gravity's sign), in memory, and diagnose what is left; what was mended stands in ``setup``.
         kinds: kinds of effects that are candidates; all of the registry if None.
         report: write ``report.html`` too (extra ``report``).
         seed: of all that is drawn at random.
@@ -101,7 +104,8 @@ def diagnose(
 
     if not logs:
         raise InputError("logs: none; at least one is needed")
-    checkup = checked(arm, [*logs, *holdout], pressures=pressures)
+    checkup = checked(arm, [*logs, *holdout], pressures=pressures, repair=repair)
+    arm = checkup.arm
     train, held = checkup.recordings[: len(logs)], checkup.recordings[len(logs) :]
     # Held until all is written: two diagnoses into one folder would mix their results.
     with nullcontext() if folder is None else cache_folder(folder) as kept:
@@ -118,7 +122,8 @@ def diagnose(
             faults=checkup.faults,
         )
         made = written.made_by(command, seed, train, held)
-        outcome = replace(outcome, diagnosis=outcome.diagnosis.model_copy(update={"made": made}))
+        setup = [*checkup.repairs, *outcome.diagnosis.setup]
+        outcome = replace(outcome, diagnosis=outcome.diagnosis.model_copy(update={"made": made, "setup": setup}))
         if folder is not None:
             diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
             diagnosed.save(folder / "arm_diagnosed.toml")

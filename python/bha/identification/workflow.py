@@ -33,6 +33,7 @@ def identify(
     *,
     holdout: Sequence[Log | Recording | Record] = (),
     pressures: PressureSort | None = None,
+    repair: bool = False,
     settings: Settings | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Identification:
@@ -48,6 +49,8 @@ def identify(
         holdout: logs that take no part in the fit and are predicted before and after it.
         pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
             where the first log has them.
+        repair: mend first what ``bha.check`` calls a fault and a machine can mend (tubes exchanged, azimuth, camera,
+            gauge, units, gravity's sign), in memory; what was mended stands in the notes.
         settings: how to fit.
         progress: called with what is being done and the fraction done (a guess).
 
@@ -65,7 +68,10 @@ def identify(
         raise InputError("there is no log to identify from; give at least one")
     records = [item if isinstance(item, Record) else None for item in (*logs, *holdout)]
     others = [item for item in (*logs, *holdout) if not isinstance(item, Record)]
-    checkup = checked(arm, others, pressures=pressures) if others else None
+    if repair and len(others) < len(records):
+        raise InputError("repair: records are what they are; give logs or recordings")
+    checkup = checked(arm, others, pressures=pressures, repair=repair) if others else None
+    arm = checkup.arm if checkup else arm
     made = iter([record(arm, item) for item in checkup.recordings] if checkup else [])
     every = [next(made) if rec is None else rec for rec in records]
     used, held = every[: len(logs)], every[len(logs) :]
@@ -89,7 +95,11 @@ def identify(
     fit = refine(start.arm, used, start.free, settings, progress=progress)
     found = identification(arm, fit, held)
     times = common_times(fit.arm, mean_pressures(used)) if any(rec.drive.commanded for rec in used) else ()
-    return replace(found, notes=(*_notes(start, found), *map(_of_times(found), times)), common_times=times)
+    return replace(
+        found,
+        notes=(*(checkup.repairs if checkup else ()), *_notes(start, found), *map(_of_times(found), times)),
+        common_times=times,
+    )
 
 
 def _notes(start: Begin, found: Identification) -> list[str]:

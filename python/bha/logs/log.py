@@ -401,14 +401,62 @@ class Log:
                 raise LogError(f"{self._origin}, column '{name}': {least} is below vacuum")
         return self._with({**self._values, **moved}, ambient_pressure)
 
-    def _with(self, values: Mapping[str, Array], ambient_pressure: float) -> Log:
+    def restated(
+        self,
+        names: Mapping[str, str] = MappingProxyType({}),
+        factors: Mapping[str, float] = MappingProxyType({}),
+        gauge: Mapping[str, bool | None] = MappingProxyType({}),
+    ) -> Log:
+        """The log as it is with other headings: names, units, gauge or absolute. Path and hash stay those of the file.
+
+        Args:
+            names: new name of each column that gets one; two may exchange theirs.
+            factors: what the values of a column are multiplied with, as its new unit over its old one; of gauge
+                pressures the part above ambient.
+            gauge: for pressures (by their old name) whether the file's numbers are gauge pressures; None leaves it.
+
+        Raises:
+            InputError: there is no such column, or two would have one name.
+            LogError: a pressure would be below that of vacuum.
+        """
+        if unknown := {*names, *factors, *gauge} - set(self._values):
+            raise InputError(no_column(self._origin, sorted(unknown)[0], self._values))
+        named = [names.get(name, name) for name in self._values]
+        if len(set(named)) < len(named):
+            raise InputError(f"{self._origin}: names {', '.join(named)}; allowed: each name once")
+        values, units, gauges, headings = {}, {}, [], {}
+        for (old, column), name in zip(self._values.items(), named, strict=True):
+            was = old in self.gauge_columns
+            now = was if gauge.get(old) is None else bool(gauge[old])
+            changed = column
+            if old in factors or now is not was:
+                read = column - (self.ambient_pressure if was else 0.0)
+                changed = read * factors.get(old, 1.0) + (self.ambient_pressure if now else 0.0)
+                if now is not was and float(changed.min()) < 0.0:
+                    raise LogError(f"{self._origin}, column '{old}': {changed.min()} Pa is below vacuum")
+            values[name], units[name] = changed, self.units[old]
+            if old in self.headings:
+                headings[name] = self.headings[old]
+            if now:
+                gauges.append(name)
+        return self._with(values, self.ambient_pressure, units=units, gauge_columns=gauges, headings=headings)
+
+    def _with(
+        self,
+        values: Mapping[str, Array],
+        ambient_pressure: float,
+        *,
+        units: Mapping[str, str] | None = None,
+        gauge_columns: Collection[str] | None = None,
+        headings: Mapping[str, str] | None = None,
+    ) -> Log:
         return Log(
             values,
-            self.units,
+            self.units if units is None else units,
             ambient_pressure=ambient_pressure,
-            gauge_columns=self.gauge_columns,
+            gauge_columns=self.gauge_columns if gauge_columns is None else gauge_columns,
             ignored=self.ignored,
-            headings=self.headings,
+            headings=self.headings if headings is None else headings,
             missing=self.missing,
             path=self.path,
             sha256=self.sha256,
