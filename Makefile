@@ -64,8 +64,9 @@ audit: $(VENV)/.ready-audit ## What is known against the crates and packages tha
 	cargo deny check
 	$(BIN)/pip-audit --skip-editable
 
-bench: $(VENV)/.ready-bench ## Measure speed, in Rust and from Python: one table
-	$(BIN)/python -m pytest benches --benchmark-only --benchmark-quiet --rust
+bench: $(VENV)/.ready-bench ## Measure speed, in Rust and from Python: one table, kept in benches/history/entries
+	$(BIN)/python -m pytest benches --benchmark-only --benchmark-quiet --rust --history benches/history/entries
+	$(BIN)/python -m benches.history --out $(OUT)/benchmarks.html
 
 wheel: $(VENV)/.build-tools $(VENV)/.zig ## Build sdist and manylinux wheel (Linux), prove them in empty environments
 	rm -rf dist
