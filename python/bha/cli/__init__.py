@@ -21,7 +21,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "experiment": ("bha.cli.experiment", "experiment", "The paper's experiments on a virtual arm."),
     "control": ("bha.cli.control", "control", "Controllers lead a plant along a reference, compared."),
     "identify": ("bha.cli.identify", "identify_command", "Parameters from measured logs, with intervals."),
-    "excite": ("bha.cli.identify", "excite_command", "Pressures that make parameters known, and how well."),
+    "excite": ("bha.cli.excite", "excite_command", "Pressures that make parameters known, and how well."),
     "sweep": ("bha.cli.sweep", "sweep", "Monte Carlo or grid over parameters and inputs, resumable."),
     "diagnose": ("bha.cli.diagnose", "diagnose", "Name what the model lacks, from measured logs."),
 }

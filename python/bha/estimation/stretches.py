@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
+from bha.errors import InputError
 from bha.estimation.records import Record
 from bha.support.spans import spans_of
 
@@ -56,6 +57,37 @@ class SteadyState:
     drift: float
 
 
+def stretch_of(rec: Record, first: int, last: int) -> Stretch:
+    """The rows ``first`` to ``last`` (exclusive) of a record."""
+    return Stretch(rec.name, first, last, float(rec.time[first]), float(rec.time[last - 1]))
+
+
+def stretch_between(rec: Record, start: float, end: float) -> Stretch:
+    """The rows of a record after ``start`` s and up to ``end`` s.
+
+    Raises:
+        InputError: there are none.
+    """
+    first, last = (int(np.searchsorted(rec.time, time, side="right")) for time in (start, end))
+    if first >= last:
+        raise InputError(
+            f"{rec.name}: no row between {start:g} and {end:g} s; it lasts from {rec.time[0]:g} to {rec.time[-1]:g} s"
+        )
+    return stretch_of(rec, first, last)
+
+
+def steady_state(arm: Arm, rec: Record, stretch: Stretch) -> SteadyState:
+    """Means of a record over a stretch; NaN for a channel of which no row counts."""
+    rows = slice(stretch.first, stretch.last)
+    drive = rec.drive
+    pressures = np.array([np.interp(rec.time[rows], drive.time, p).mean() for p in drive.pressures.T])
+    table, usable = rec.measured[rows], rec.usable[rows]
+    tenth = max(1, len(table) // 10)
+    drift = _means(table[-tenth:], usable[-tenth:]) - _means(table[:tenth], usable[:tenth])
+    size = float(np.nanmax(np.abs(drift))) if np.isfinite(drift).any() else float("nan")
+    return SteadyState(stretch, pressures, _means(table, usable), _mean_forces(arm, rec, stretch), size)
+
+
 def steady_states(
     arm: Arm,
     rec: Record,
@@ -75,27 +107,14 @@ def steady_states(
     """
     span = shortest / 2.0
     pressures = np.column_stack([np.interp(rec.time, rec.drive.time, p) for p in rec.drive.pressures.T])
-    still = np.all(rec.usable, axis=1)
-    for table, limit, noise in ((rec.measured, speed, rec.noise), (pressures, pressure_speed, rec.pressure_noise)):
+    measured, still = _between_readings(rec, span)
+    for table, limit, noise in ((measured, speed, rec.noise), (pressures, pressure_speed, rec.pressure_noise)):
         slope, error = _slopes(rec.time, table, span, noise)
         still &= np.all(np.abs(slope) <= limit + 3.0 * error, axis=1)
     found = []
     for first, last in spans_of(still):
-        if rec.time[last - 1] - rec.time[first] < shortest:
-            continue
-        rows = slice(first, last)
-        stretch = Stretch(rec.name, first, last, float(rec.time[first]), float(rec.time[last - 1]))
-        tenth = max(1, (last - first) // 10)
-        drift = rec.measured[last - tenth : last].mean(axis=0) - rec.measured[first : first + tenth].mean(axis=0)
-        found.append(
-            SteadyState(
-                stretch,
-                pressures[rows].mean(axis=0),
-                rec.measured[rows].mean(axis=0),
-                _mean_forces(arm, rec, stretch),
-                float(np.abs(drift).max()),
-            )
-        )
+        if rec.time[last - 1] - rec.time[first] >= shortest:
+            found.append(steady_state(arm, rec, stretch_of(rec, first, last)))
     return found
 
 
@@ -132,7 +151,7 @@ def swings(rec: Record, *, shortest: float = 1.0, pressure_change: float = 3e3, 
         end = min(end, last)
         amplitude = np.nanmax(np.abs(rec.measured[begin:end] - _middle(rec, begin, last)), axis=0)
         if np.any(amplitude > smallest * rec.noise) and _dies_out(rec, begin, end):
-            found.append(Stretch(rec.name, begin, end, float(rec.time[begin]), float(rec.time[end - 1])))
+            found.append(stretch_of(rec, begin, end))
     return found
 
 
@@ -184,6 +203,31 @@ def _slopes(time: Array, table: Array, span: float, noise: Array) -> tuple[Array
     mean_y = (sums[0][high] - sums[0][low]) / count[:, None]
     mixed = (sums[1][high] - sums[1][low]) - count[:, None] * mean_t[:, None] * mean_y
     return mixed / spread[:, None], noise[None, :] / np.sqrt(spread)[:, None]
+
+
+def _between_readings(rec: Record, longest: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Measurements with straight lines between those that count, and the rows not in a gap longer than ``longest`` s.
+
+    Channels that renew seldom have readings in some rows only: what lies between them is no motion.
+    """
+    measured, covered = rec.measured.copy(), np.ones(len(rec), dtype=np.bool_)
+    for c, good in enumerate(rec.usable.T):
+        places = np.flatnonzero(good)
+        if not len(places):
+            return measured, np.zeros_like(covered)
+        times = rec.time[places]
+        measured[:, c] = np.interp(rec.time, times, rec.measured[places, c])
+        before = np.clip(np.searchsorted(times, rec.time, side="right") - 1, 0, len(times) - 1)
+        after = np.clip(np.searchsorted(times, rec.time), 0, len(times) - 1)
+        covered &= (times[after] - times[before] <= longest) & (rec.time >= times[0]) & (rec.time <= times[-1])
+    return measured, covered
+
+
+def _means(table: Array, usable: NDArray[np.bool_]) -> Array:
+    """Mean of each column over the rows that count; NaN where none does."""
+    count = usable.sum(axis=0)
+    total = np.where(usable, table, 0.0).sum(axis=0)
+    return np.asarray(np.divide(total, count, out=np.full(table.shape[1], np.nan), where=count > 0))
 
 
 def _mean_forces(arm: Arm, rec: Record, stretch: Stretch) -> Array:

@@ -12,8 +12,8 @@ from bha.arm import Arm
 from bha.errors import SimulationError
 from bha.experiments.figures import drift_figure
 from bha.experiments.laboratory import Laboratory
+from bha.experiments.measured import with_sections
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.experiments.procedures import with_sections
 from bha.parameters import ForceModel
 from bha.runs.input import Input
 from bha.runs.options import Options

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
+from bha.experiments.measured import lateral, seen
 from bha.experiments.outcome import Claim, Outcome
-from bha.experiments.procedures import fit_oscillation, lateral, simulated_swing, swing_from_release
-from bha.runs.input import Input
+from bha.plot.section_four import swing_figure
 
 #: Bellows 1 of every section: they lie in the plane of the swing.
 SHOWN = (0, 3, 6)
@@ -17,18 +16,13 @@ SHOWN = (0, 3, 6)
 def run(lab: Laboratory) -> Outcome:
     """Fit the damping and show the swing that it comes from."""
     fit = lab.paper.damping
-    arm = lab.identified
-    release, log = lab.swing
-    start, free = swing_from_release(arm, log, release)
-    time, measured = free.time - free.time[0], lateral(arm, free)
-    lengths = free.lengths
-    drive = Input.constant(free.pressures.mean(axis=0), float(time[-1]))
-    model_time, swung, _ = simulated_swing(arm, drive, start)
-    model = fit_oscillation(model_time, swung[:, -1])
+    (swing,), (found,), (model,) = fit.swings, fit.measured, fit.modelled
+    _, log = lab.swing
+    measured, lengths = lateral(swing), seen(lab.weighed, log).lengths[swing.stretch.first :]
     fitted = np.full_like(measured, np.nan)
-    fitted[:, -1] = fit.measured.curve
-    share = fit.measured.residual / fit.measured.amplitude
-    damping = ", ".join(f"{d:.1f}" for d in fit.damping)
+    fitted[:, -1] = found.fitted
+    share = found.residual / found.amplitude
+    damping = ", ".join(f"{d:.1f}" for d, _ in fit.damping.values())
     return Outcome(
         "fig10",
         "Fig. 10: damping",
@@ -39,28 +33,30 @@ def run(lab: Laboratory) -> Outcome:
         [
             Claim(
                 "linear damping follows from the frequency and the decay of the oscillation",
-                f"{fit.measured.frequency:.2f} Hz, damping ratio {fit.measured.damping_ratio:.3f}: {damping} N s/m",
-                abs(model.damping_ratio / fit.measured.damping_ratio - 1) < 0.02,
+                f"{found.frequency:.2f} Hz, damping ratio {found.damping_ratio:.3f}: {damping} N s/m",
+                abs(model.damping_ratio / found.damping_ratio - 1) < 0.02,
             ),
             Claim(
                 "a least-squares fit describes the oscillation",
-                f"{1e3 * fit.measured.residual:.1f} mm RMS of {1e3 * fit.measured.amplitude:.0f} mm are left",
+                f"{1e3 * found.residual:.1f} mm RMS of {1e3 * found.amplitude:.0f} mm are left",
                 share < 0.1,
             ),
         ],
         {
             "fig10": (
                 swing_figure(
-                    {"measured": (time, measured), "fit": (time, fitted)}, {"measured": (time, lengths)}, SHOWN
+                    {"measured": (swing.time, measured), "fit": (swing.time, fitted)},
+                    {"measured": (swing.time, lengths)},
+                    SHOWN,
                 ),
                 "Lateral deflection of the heads from where they come to rest, and a selection of bellows lengths. "
                 "Dotted: the damped oscillation fitted to the tool's deflection.",
             )
         },
         numbers={
-            "frequency": fit.measured.frequency,
+            "frequency": found.frequency,
             "model_frequency": model.frequency,
-            "damping_ratio": fit.measured.damping_ratio,
+            "damping_ratio": found.damping_ratio,
             "model_damping_ratio": model.damping_ratio,
             "residual_share": share,
         },

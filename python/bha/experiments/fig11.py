@@ -6,8 +6,8 @@ import numpy as np
 
 from bha.experiments.figures import energy_figure
 from bha.experiments.laboratory import Laboratory
+from bha.experiments.measured import swing_from_release, with_sections
 from bha.experiments.outcome import Claim, Outcome
-from bha.experiments.procedures import swing_from_release, with_sections
 from bha.parameters import SectionParameters
 from bha.support.extras import import_extra
 

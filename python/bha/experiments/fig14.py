@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from bha.experiments.compare import of_both_arms
 from bha.experiments.fig10 import SHOWN
-from bha.experiments.figures import swing_figure
 from bha.experiments.laboratory import Laboratory
+from bha.experiments.measured import lateral, simulated, swing_from_release
 from bha.experiments.outcome import Claim, Outcome, Table
-from bha.experiments.procedures import Oscillation, fit_oscillation, lateral, simulated_swing, swing_from_release
 from bha.experiments.tilts import ALONG, AT_HEADS, CENTRAL, SPREAD
-from bha.runs.input import Input
+from bha.identification.swing import Oscillation, oscillation
+from bha.plot.section_four import swing_figure
 
 Array = NDArray[np.float64]
 Curve = tuple[Array, Array]
@@ -59,23 +59,21 @@ class _Swing:
 
 def _swing(lab: Laboratory) -> _Swing:
     release, log = lab.second_swing
-    start, free = swing_from_release(lab.identified, log, release)
-    time = free.time - free.time[0]
-    drive = Input.constant(free.pressures.mean(axis=0), float(time[-1]))
-    deflection = {"measured": (time, lateral(lab.identified, free))}
-    lengths = {"measured": (time, free.lengths)}
+    swing, free = swing_from_release(lab.identified, log, release)
+    deflection = {"measured": (swing.time, lateral(swing))}
+    lengths = {"measured": (swing.time, free.lengths)}
     models = {"full": lab.identified, "reduced": lab.reduced}
     if lab.is_spread:
         models |= {CENTRAL: lab.balanced.arm, SPREAD: lab.spread.arm}
     for label, arm in models.items():
-        t, x, q = simulated_swing(arm, drive, start)
+        t, x, q = simulated(arm, swing)
         deflection[label], lengths[label] = (t, x), (t, q)
     common = deflection["full"][0]
     tool = {label: np.interp(common, t, x[:, -1]) for label, (t, x) in deflection.items()}
     return _Swing(
         deflection,
         lengths,
-        {label: fit_oscillation(t, x[:, -1]) for label, (t, x) in deflection.items()},
+        {label: oscillation(t, x[:, -1]) for label, (t, x) in deflection.items()},
         {label: float(np.sqrt(np.mean((tool[label] - tool["measured"]) ** 2))) for label in models},
         float(np.sqrt(np.mean((tool["full"] - tool["reduced"]) ** 2))),
     )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bha.experiments.figures import stiffness_figure
 from bha.experiments.laboratory import Laboratory
 from bha.experiments.outcome import Claim, Outcome
+from bha.plot.section_four import plot_stiffness
 
 
 def run(lab: Laboratory) -> Outcome:
@@ -14,16 +14,18 @@ def run(lab: Laboratory) -> Outcome:
     fits = lab.paper.stiffness
     truth, scatter, bent, rising = [], [], [], []
     for fit, section in zip(fits, lab.design.parameters.sections, strict=True):
-        lengths = np.linspace(fit.lengths.min(), fit.lengths.max(), 200)
+        measured = fit.rest_length + fit.abscissa
+        lengths = np.linspace(measured.min(), measured.max(), 200)
         extension = lengths - section.rest_length
         truth.append((lengths, np.asarray(sum(k * extension ** (j + 1) for j, k in enumerate(section.stiffness)))))
-        scatter.append(float(np.sqrt(np.mean((fit.forces - fit.curve(fit.lengths)) ** 2))))
-        straight = np.polyfit(fit.lengths, fit.forces, 1)
-        bent.append(float(np.sqrt(np.mean((fit.forces - np.polyval(straight, fit.lengths)) ** 2))))
-        rising.append(float(np.abs(fit.curve(lengths) - truth[-1][1]).max()))
-    span = max(float(np.ptp(fit.forces)) for fit in fits)
+        scatter.append(float(np.sqrt(np.mean(fit.residual**2))))
+        straight = np.polyfit(measured, fit.ordinate, 1)
+        bent.append(float(np.sqrt(np.mean((fit.ordinate - np.polyval(straight, measured)) ** 2))))
+        rising.append(float(np.abs(fit.curve(lengths - fit.rest_length) - truth[-1][1]).max()))
+    span = max(float(np.ptp(fit.ordinate)) for fit in fits)
     ratio = min(b / s for b, s in zip(bent, scatter, strict=True))
-    low, high = 1e3 * min(f.lengths.min() for f in fits), 1e3 * max(f.lengths.max() for f in fits)
+    low = 1e3 * min(f.rest_length + f.abscissa.min() for f in fits)
+    high = 1e3 * max(f.rest_length + f.abscissa.max() for f in fits)
     return Outcome(
         "fig8",
         "Fig. 8: longitudinal stiffness",
@@ -44,7 +46,7 @@ def run(lab: Laboratory) -> Outcome:
         ],
         {
             "fig8": (
-                stiffness_figure(fits, truth),
+                plot_stiffness(fits, truth),
                 f"Spring force of one bellows at steady states between {low:.0f} and {high:.0f} mm (circles), fitted "
                 "curve (dashed), and the curve that the virtual arm was built with (grey).",
             )

@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
-from bha.experiments.figures import bending_figure
-from bha.experiments.laboratory import Laboratory
+from bha.experiments.laboratory import Laboratory, fit_bending
 from bha.experiments.outcome import Claim, Outcome
-from bha.experiments.procedures import BendingFit, fit_bending
 from bha.experiments.virtual_arm import VirtualArm
+from bha.identification.stiffness import StiffnessFit
+from bha.plot.section_four import plot_bending
 
 
 def run(lab: Laboratory) -> Outcome:
@@ -46,7 +46,7 @@ def run(lab: Laboratory) -> Outcome:
         ],
         {
             "fig9": (
-                bending_figure(fits, {last - 1: ideal}),
+                plot_bending(fits, {last: ideal}),
                 "Relative bending pressure against bending angle; negative angles bend to φ = π. Crosses: the same "
                 "measurement on a virtual arm whose material does not creep.",
             )
@@ -55,12 +55,10 @@ def run(lab: Laboratory) -> Outcome:
     )
 
 
-def _scatter(fit: BendingFit) -> float:
+def _scatter(fit: StiffnessFit) -> float:
     """RMS distance from the line, as a pressure, Pa."""
-    left = fit.moments - fit.stiffness * fit.angles - fit.offset
-    return float(np.sqrt(np.mean(left**2)) * fit.pressure_per_moment)
+    return float(np.sqrt(np.mean(fit.residual**2)) * fit.pressure_per_moment)
 
 
-def _explained(fit: BendingFit) -> float:
-    left = fit.moments - fit.stiffness * fit.angles - fit.offset
-    return float(1.0 - np.var(left) / np.var(fit.moments))
+def _explained(fit: StiffnessFit) -> float:
+    return float(1.0 - np.var(fit.residual) / np.var(fit.ordinate))

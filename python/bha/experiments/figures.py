@@ -1,14 +1,14 @@
-"""The figures of the paper that no general plot covers: fits (Figs. 8, 9), swings (10, 14), energies (11), drift."""
+"""The figures of the paper that no general plot covers: tilts (Figs. 12, 13), energies (11), drift."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.experiments.procedures import BendingFit, StiffnessFit
+from bha.plot.section_four import WIDTH, legend_above
 from bha.plot.style import (
     COLORS,
     DASHED,
@@ -21,111 +21,13 @@ from bha.plot.style import (
     line_options,
     line_styles,
 )
-from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from bha.runs.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-WIDTH = 7.2
-
-
-def stiffness_figure(fits: Sequence[StiffnessFit], truth: Sequence[tuple[Array, Array]]) -> Figure:
-    """Fig. 8: spring force of one bellows against its length, measured points and fitted curve, a panel a section."""
-    with figure_of_size(WIDTH, 2.5) as figure:
-        panels = figure.subplots(1, len(fits), sharex=True, sharey=True, squeeze=False)[0]
-        for number, (axes, fit, (lengths, forces)) in enumerate(zip(panels, fits, truth, strict=True), start=1):
-            grid = np.linspace(fit.lengths.min(), fit.lengths.max(), 200)
-            mm = MILLIMETRES_PER_METRE
-            axes.plot(lengths * mm, forces, label="virtual arm", **line_options(SOLID, COLORS[0]))
-            axes.plot(grid * mm, fit.curve(grid), label="fit", **line_options(DASHED, COLORS[1]))
-            axes.plot(fit.lengths * mm, fit.forces, "o", markersize=3.5, markerfacecolor="none", color=COLORS[4],
-                      markeredgewidth=0.9, linestyle="none", label="steady states", zorder=3)  # fmt: skip
-            axes.set_title(f"Section {number}", loc="left")
-            axes.set_xlabel("Bellows length [mm]")
-        panels[0].set_ylabel("Spring force [N]")
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3)
-    return figure
-
-
-def bending_figure(fits: Sequence[BendingFit], ideal: Mapping[int, BendingFit]) -> Figure:
-    """Fig. 9: relative bending pressure against bending angle, points and line, a panel a section.
-
-    ``ideal``: section index to the same measurement on an arm without creep.
-    """
-    with figure_of_size(WIDTH, 2.5) as figure:
-        panels = figure.subplots(1, len(fits), sharex=True, sharey=True, squeeze=False)[0]
-        for index, (axes, fit) in enumerate(zip(panels, fits, strict=True)):
-            scale = fit.pressure_per_moment / PASCAL_PER_BAR
-            order = np.linspace(fit.angles.min(), fit.angles.max(), 2)
-            axes.plot(order, (fit.stiffness * order + fit.offset) * scale, label="line", zorder=2.2,
-                      **{"linestyle": SOLID, "color": COLORS[1], "linewidth": 1.0})  # fmt: skip
-            axes.plot(fit.angles, fit.moments * scale, "o", markersize=3.5, markerfacecolor="none", color=COLORS[4],
-                      markeredgewidth=0.9, linestyle="none", label="steady states", zorder=3)  # fmt: skip
-            if index in ideal:
-                axes.plot(ideal[index].angles, ideal[index].moments * scale, "x", markersize=3.5, color=COLORS[5],
-                          markeredgewidth=0.9, linestyle="none", label="the same without creep")  # fmt: skip
-            axes.set_title(f"Section {index + 1}", loc="left")
-            axes.set_xlabel("Bending angle [rad]")
-        panels[0].set_ylabel("Relative bending pressure [bar]")
-        handles, labels = panels[min(ideal, default=0)].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3)
-    return figure
-
-
-def swing_figure(
-    lateral: Mapping[str, tuple[Array, Array]], lengths: Mapping[str, tuple[Array, Array]], bellows: Sequence[int]
-) -> Figure:
-    """Figs. 10 and 14: lateral deflection of the heads and some bellows lengths after the release.
-
-    Args:
-        lateral: label to (time, deflection x of every head (m, n)); line style as in the paper by the label.
-        lengths: label to (time, lengths (m, 3n)).
-        bellows: indices of the lengths to show, one panel each.
-    """
-    styles = line_styles(list(lateral))
-    alone = len(lateral) == 1
-    heads = next(iter(lateral.values()))[1].shape[1]
-    with figure_of_size(WIDTH, 4.2) as figure:
-        grid = figure.add_gridspec(2, 3 * len(bellows) if len(bellows) else 3, height_ratios=[1.25, 1])
-        top = figure.add_subplot(grid[0, :])
-        for label, (time, deflection) in lateral.items():
-            for head in range(heads):
-                draw(top, time, deflection[:, head] * MILLIMETRES_PER_METRE,
-                     **line_options(styles[label], COLORS[head], alone))  # fmt: skip
-        top.set_ylabel("Lateral deflection x [mm]")
-        top.set_xlabel("Time [s]")
-        below: list[Axes] = []
-        for place, index in enumerate(bellows):
-            axes = figure.add_subplot(grid[1, 3 * place : 3 * place + 3], sharey=below[0] if below else None)
-            for label, (time, q) in lengths.items():
-                draw(axes, time, q[:, index] * MILLIMETRES_PER_METRE,
-                     **line_options(styles[label], COLORS[index // 3], alone))  # fmt: skip
-            axes.set_title(f"q{index // 3 + 1}{index % 3 + 1}", loc="left")
-            axes.set_xlabel("Time [s]")
-            if place:
-                axes.tick_params(labelleft=False)
-            below.append(axes)
-        below[0].set_ylabel("Bellows length [mm]")
-        for axes in (top, *below):
-            axes.set_xlim(0.0, min(time[-1] for time, _ in lateral.values()))
-        _legend(figure, {k: line_options(s, COLORS[0], alone) for k, s in styles.items()}, "Section")
-    return figure
-
-
-def _legend(figure: Figure, styles: Mapping[str, Mapping[str, Any]], numbered: str) -> None:
-    """Above all panels: line styles by label, then the colours by number."""
-    lines = import_extra("matplotlib.lines", extra="plot", purpose="Plotting")
-    handles = [lines.Line2D([], [], label=label, **options) for label, options in styles.items()]
-    handles += [
-        lines.Line2D([], [], color=COLORS[k], linewidth=3, solid_capstyle="butt", label=label)
-        for k, label in enumerate((f"{numbered} 1", "2", "3"))
-    ]
-    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), columnspacing=1.6)
 
 
 def tilt_figure(trajectories: Mapping[str, Trajectory]) -> Figure:
@@ -154,7 +56,7 @@ def tilt_figure(trajectories: Mapping[str, Trajectory]) -> Figure:
             axes.set_ylabel("Position [mm]")
             axes.set_xlabel("Time [s]")
             axes.set_xlim(first.time[0], first.time[-1])
-        _legend(figure, {k: line_options(s, COLORS[0]) for k, s in styles.items()}, "Bellows")
+        legend_above(figure, {k: line_options(s, COLORS[0]) for k, s in styles.items()}, "Bellows")
     return figure
 
 

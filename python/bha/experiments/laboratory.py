@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from bha import robots
 from bha.arm import Arm
-from bha.experiments import procedures, schedules
+from bha.experiments import schedules
+from bha.experiments.measured import after_release, holds, recorded, seen, with_sections
 from bha.experiments.virtual_arm import Schedule, VirtualArm, VirtualBody
+from bha.identification.stiffness import StiffnessFit, bending_stiffness, longitudinal_stiffness
+from bha.identification.swing import SwingFit, swing_damping
 from bha.logs import Log
 from bha.runs.trajectory import Trajectory
 
@@ -141,7 +144,7 @@ class Laboratory:
 
     def measured(self, log: Log) -> Trajectory:
         """A log as a trajectory: heads follow from measured lengths by (14), velocities were not measured."""
-        found = procedures.seen(self.weighed, log)
+        found = seen(self.weighed, log)
         heads = np.array([self.weighed.forward_kinematics(q)[0] for q in found.lengths])
         return replace(found, head_positions=heads, arm_name="virtual arm")
 
@@ -171,46 +174,59 @@ class Identified:
             {**unknown, "mass": round(section.mass, 3), "center_of_mass": [0.0, 0.0, 0.0], **lies}
             for section, lies in zip(self._laboratory.design.parameters.sections, self._masses, strict=True)
         ]
-        return procedures.with_sections(self._laboratory.design, changes, "identified")
+        return with_sections(self._laboratory.design, changes, "identified")
 
     @cached_property
-    def stiffness(self) -> list[procedures.StiffnessFit]:
+    def stiffness(self) -> list[StiffnessFit]:
         """Section IV-C."""
         schedule, log = self._laboratory.even_elongation
         self._laboratory.note("identifying longitudinal stiffness")
-        return procedures.fit_stiffness(self.weighed, log, schedule)
+        arm, rec = self.weighed, recorded(self.weighed, log, "even elongation")
+        where, numbers = holds(rec, schedule), range(1, arm.section_count + 1)
+        return [longitudinal_stiffness(arm, [rec], k, rest_length=True, holds=where) for k in numbers]
 
     @cached_property
     def sprung(self) -> Arm:
         """The arm after section IV-C."""
-        changes = [{"rest_length": f.rest_length, "stiffness": list(f.stiffness)} for f in self.stiffness]
-        return procedures.with_sections(self.weighed, changes, "identified")
+        return _with_laws(self.weighed, self.stiffness)
 
     @cached_property
-    def bending_stiffness(self) -> list[procedures.BendingFit]:
+    def bending_stiffness(self) -> list[StiffnessFit]:
         """Section IV-D."""
         logs = self._laboratory.bending
         self._laboratory.note("identifying bending stiffness")
-        return [procedures.fit_bending(self.sprung, i + 1, log, s) for i, (s, log) in enumerate(logs)]
+        return [fit_bending(self.sprung, i + 1, log, s) for i, (s, log) in enumerate(logs)]
 
     @cached_property
     def undamped(self) -> Arm:
         """The arm after section IV-D."""
-        changes = [{"bending_stiffness": [f.stiffness]} for f in self.bending_stiffness]
-        return procedures.with_sections(self.sprung, changes, "identified")
+        return _with_laws(self.sprung, self.bending_stiffness)
 
     @cached_property
-    def damping(self) -> procedures.DampingFit:
+    def damping(self) -> SwingFit:
         """Section IV-E."""
         release, log = self._laboratory.swing
         arm = self.undamped
         self._laboratory.note("identifying damping")
-        return procedures.fit_damping(arm, log, release)
+        rec = recorded(arm, log, "lateral swing")
+        return swing_damping(arm, [rec], stretches=[after_release(rec, release)], at_rest=True)
 
     @cached_property
     def arm(self) -> Arm:
         """The arm after all of section IV."""
-        return procedures.with_sections(self.undamped, [{"damping": d} for d in self.damping.damping], "identified")
+        return self.damping.applied(self.undamped)
+
+
+def fit_bending(arm: Arm, section: int, log: Log, schedule: Schedule) -> StiffnessFit:
+    """Section IV-D on one staircase: a line through the moments of its holds."""
+    rec = recorded(arm, log, f"bending of section {section}")
+    return bending_stiffness(arm, [rec], section, offset=True, holds=holds(rec, schedule))
+
+
+def _with_laws(arm: Arm, laws: Sequence[StiffnessFit]) -> Arm:
+    for law in laws:
+        arm = law.applied(arm)
+    return arm
 
 
 def _spread(plate: float, rest: float) -> dict[str, Any]:

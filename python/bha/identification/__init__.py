@@ -3,7 +3,8 @@
 ``identify`` does the whole of it. Its parts: ``record`` (logs as residuals see them), ``refine`` (joint fit by output
 error), ``identification`` (what is known and what is left), ``predict`` (held-out logs); ``fit_poses`` fits what a slow
 arm tells. The paper's procedures of section IV, each on its own, are ``inertia``, ``longitudinal_stiffness``,
-``bending_stiffness`` and ``swing_damping``; ``excite`` proposes what to measure.
+``bending_stiffness`` and ``swing_damping``, and ``carry_out`` for all sections of an arm; ``excite`` proposes what to
+measure.
 """
 
 from bha.estimation.free import FreeParameter, camera_free, default_free
@@ -15,23 +16,28 @@ from bha.identification.excitation import Excitation, excite
 from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.moments import Inertia, inertia
+from bha.identification.procedures import NEEDS, PROCEDURES, Procedure, carry_out
 from bha.identification.residuals import ChannelResidual
 from bha.identification.result import Estimate, HeldOut, Identification, identification
-from bha.identification.statics import StiffnessFit, bending_stiffness, longitudinal_stiffness
-from bha.identification.swing import Oscillation, SwingFit, swing_damping
+from bha.identification.stiffness import StiffnessFit, bending_stiffness, longitudinal_stiffness
+from bha.identification.swing import FreeSwing, Oscillation, SwingFit, oscillation, swing_damping
 from bha.identification.workflow import identify
 
 __all__ = [
+    "NEEDS",
+    "PROCEDURES",
     "ChannelResidual",
     "Combination",
     "Estimate",
     "Excitation",
     "FreeParameter",
+    "FreeSwing",
     "HeldOut",
     "Identification",
     "Inertia",
     "Oscillation",
     "Prediction",
+    "Procedure",
     "Record",
     "Refinement",
     "Settings",
@@ -42,6 +48,7 @@ __all__ = [
     "SwingFit",
     "bending_stiffness",
     "camera_free",
+    "carry_out",
     "default_free",
     "excite",
     "fit_poses",
@@ -49,6 +56,7 @@ __all__ = [
     "identify",
     "inertia",
     "longitudinal_stiffness",
+    "oscillation",
     "predict",
     "record",
     "refine",

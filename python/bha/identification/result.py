@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from bha.estimation.records import Record
 from bha.estimation.refinement import Refinement
 from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
+from bha.identification.provenance import Mark, marked
 from bha.identification.residuals import ChannelResidual, channel_residuals
 from bha.identification.words import spoken
 from bha.parameters import ArmParameters, paths
@@ -119,7 +119,8 @@ class Identification:
         """The identified parameters, as logs of a session see them, with provenance."""
         fitted = self.refinement.problem.model
         logs = [rec for rec in fitted.records if not session or rec.session == session]
-        return _with_provenance(self.refinement.arm_of(session).parameters, self, session, logs)
+        found = self.refinement.arm_of(session).parameters
+        return marked(found, _marks(found, self, session), logs)
 
     def arm(self, session: str = "") -> Arm:
         """The identified arm."""
@@ -254,13 +255,8 @@ def _warnings(
     return said
 
 
-def _with_provenance(
-    parameters: ArmParameters, result: Identification, session: str, logs: Sequence[Record]
-) -> ArmParameters:
-    """Mark what was identified, with intervals and the logs' hashes."""
-    mapping = parameters.to_mapping()
-    references = [{"name": Path(rec.name).name, "sha256": rec.sha256} for rec in logs if rec.sha256 is not None]
-    marked: dict[int, set[str]] = {}
+def _marks(parameters: ArmParameters, result: Identification, session: str) -> Iterator[Mark]:
+    """How well each number of the parameters, as logs of a session see them, is known."""
     for coordinate, estimate in zip(result.refinement.coordinates, result.estimates, strict=True):
         if coordinate.sessions and session not in coordinate.sessions:
             continue
@@ -269,44 +265,16 @@ def _with_provenance(
         for member in coordinate.members:
             value = paths.get_value(parameters, member)
             factor = value / estimate.value if paths.is_group(coordinate.path) else 1.0
-            table, key, place = paths.table_of(mapping, member)
             low, high = sorted((estimate.interval[0] * factor, estimate.interval[1] * factor))
-            entry = table.setdefault("provenance", {})
-            old = entry.get(key)
-            fresh = key not in marked.setdefault(id(table), set())
-            marked[id(table)].add(key)
             told = _narrows(coordinate, estimate)
             note = "" if estimate.identified else f"not told by these logs alone: {spoken(member)}"
-            if place is None:
-                entry[key] = _entry(told, [low, high], abs(estimate.standard_error * factor), references, note)
-                continue
-            values = table[key]
-            if fresh or not isinstance(old, dict):
-                old = _entry(told, [[v, v] for v in values], [0.0] * len(values), references, note)
-            elif note:
-                old = {**old, "source": "; ".join(filter(None, [old.get("source", ""), note]))}
-            if told:
-                old["status"] = "identified"
-            old["ci95"][place] = [low, high]
-            old["standard_error"][place] = abs(estimate.standard_error * factor)
-            entry[key] = old
-    return parameters.updated(mapping)
+            yield Mark(member, (low, high), abs(estimate.standard_error * factor), told, note)
 
 
 def _narrows(coordinate: Coordinate, estimate: Estimate) -> bool:
     """Whether the interval is less than half as wide as the prior's: else the value is the prior's, and assumed."""
     slope = abs(estimate.value) if coordinate.logarithmic else coordinate.scale
     return estimate.standard_error < 0.5 * coordinate.prior[1] * slope
-
-
-def _entry(identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str) -> dict[str, Any]:
-    entry: dict[str, Any] = {"status": "identified" if identified else "assumed"}
-    if note:
-        entry["source"] = note
-    entry |= {"ci95": interval, "standard_error": error}
-    if references:
-        entry["logs"] = references
-    return entry
 
 
 def _held_out_summary(held: HeldOut) -> dict[str, Any]:

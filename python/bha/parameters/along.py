@@ -40,14 +40,23 @@ Share = Annotated[Number, Field(ge=0, le=1)]
 class SectionArcParameters(Table):
     """A ``[[section.arcs]]`` table: one of the arcs that make a section, from its base on."""
 
-    length: Positive = key("a number > 0: the arc's share of the section's length; the shares add up to 1")
-    bending: Number = key("a number: the arc's share of the section's bending angle; the shares add up to 1")
+    length: Positive = key("a number > 0", "the arc's share of the section's length; the shares add up to 1")
+    bending: Number = key(
+        "a number",
+        "the arc's share of the section's bending angle, below 0 where it bends the other way; the shares add up to 1",
+    )
     relative_radius: Positive = key(
-        "a number > 0: distance of the bellows from the centre line here, relative to that in the other arcs",
+        "a number > 0",
+        "distance of the bellows from the centre line here, relative to that in the other arcs; their "
+        "mean weighted by bending stands for bellows_radius",
         default=1.0,
     )
     relative_area: Positive = key(
-        "a number > 0: area that the pressure acts on here, relative to that in the other arcs", default=1.0
+        "a number > 0",
+        "area that the pressure acts on here, relative to that in the other arcs; their mean "
+        "weighted by length stands for terminal_area; other than 1 with work_conjugate "
+        "only",
+        default=1.0,
     )
     provenance: ProvenanceTable = provenance_key()
 
@@ -69,15 +78,17 @@ class SectionArcParameters(Table):
 class PointMassParameters(Table):
     """A ``[[section.masses]]`` table: a mass at a place along the section, beside the mass at its head."""
 
-    share: Share = key("a number from 0 (base) to 1 (head): where on the section's arcs, as a share of their length")
-    mass: Positive = key("a number > 0 (kg)", unit="kg")
+    share: Share = key("a number from 0 (base) to 1 (head)", "where on the section's arcs, as a share of their length")
+    mass: Positive = key("a number > 0 (kg)", "the mass", unit="kg")
     inertia: tuple[NotNegative, NotNegative, NotNegative] = key(
-        "[Jx, Jy, Jz], numbers >= 0 (kg m^2), about its own centre of mass in the frame of the centre line there",
+        "[Jx, Jy, Jz], numbers >= 0 (kg m^2)",
+        "about its own centre of mass in the frame of the centre line there",
         unit="kg m^2",
         default=(0.0, 0.0, 0.0),
     )
     offset: Vector3 = key(
-        "[x, y, z], numbers (m): its centre of mass in the frame of the centre line there",
+        "[x, y, z], numbers (m)",
+        "its centre of mass in the frame of the centre line there, z along the line",
         unit="m",
         default=(0.0, 0.0, 0.0),
     )

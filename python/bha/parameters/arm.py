@@ -76,35 +76,62 @@ class ArmParameters(Table):
     Read one with :meth:`read`, change one with :meth:`updated`, write it with :meth:`write`.
     """
 
-    schema_name: Literal["bha-arm/1"] = key(f'"{SCHEMA}"', alias="schema")
-    name: str = key("a text of 1 to 200 characters", min_length=1, max_length=200)
-    gravity: Vector3 = key(
-        "[x, y, z], numbers (m/s^2), in the world, which is the base's frame unless [base] says otherwise", unit="m/s^2"
+    schema_name: Literal["bha-arm/1"] = key(f'"{SCHEMA}"', "what the file is", alias="schema")
+    name: str = key(
+        "a text of 1 to 200 characters", "name of the arm, for tables and pictures", min_length=1, max_length=200
     )
-    ambient_pressure: NotNegative = key("a number >= 0 (Pa)", unit="Pa")
-    force_model: ForceModel = key(" or ".join(f'"{name}"' for name in get_args(ForceModel)), default="end_force")
-    rotational_energy: Switch = key("true or false", default=True)
-    coriolis_forces: Switch = key("true or false", default=True)
+    gravity: Vector3 = key(
+        "[x, y, z], numbers (m/s^2)",
+        "acceleration of gravity in the world, which is the base's frame unless [base] says otherwise",
+        unit="m/s^2",
+    )
+    ambient_pressure: NotNegative = key("a number >= 0 (Pa)", "absolute pressure outside of the bellows", unit="Pa")
+    force_model: ForceModel = key(
+        " or ".join(f'"{name}"' for name in get_args(ForceModel)), "along what the bellows push", default="end_force"
+    )
+    rotational_energy: Switch = key(
+        "true or false", "whether the kinetic energy has its rotational part, (58) and (59)", default=True
+    )
+    coriolis_forces: Switch = key(
+        "true or false", "whether Coriolis and centrifugal forces act, (60) and (61)", default=True
+    )
     provenance: ProvenanceTable = provenance_key()
-    base: BaseParameters | None = key("a [base] table; left out: the world's frame is that of the base", default=None)
-    pneumatics: PneumaticsParameters | None = key("a [pneumatics] table; left out: ideal pressures", default=None)
+    base: BaseParameters | None = key(
+        "a [base] table",
+        "where the base stands in the world",
+        left_out="the world's frame is that of the base",
+        default=None,
+    )
+    pneumatics: PneumaticsParameters | None = key(
+        "a [pneumatics] table", "from commanded to acting pressure", left_out="ideal pressures", default=None
+    )
     sections: tuple[SectionParameters, ...] = key(
         f"one [[section]] table, in double brackets, per section of the arm, at most {MOST_SECTIONS}",
+        "the sections, from the base on",
         alias="section",
         min_length=1,
         max_length=MOST_SECTIONS,
     )
 
     sensors: SensorsParameters | None = key(
-        "a [sensors] table; left out: heads are measured in the world's frame, lengths at the bellows", default=None
+        "a [sensors] table",
+        "where and what the sensors measure",
+        left_out="heads are measured in the world's frame, lengths at the bellows",
+        default=None,
     )
     length_sensors: tuple[LengthSensorParameters, ...] = key(
-        "[[length_sensor]] tables, in double brackets, one per wire or other length that a log has",
+        "[[length_sensor]] tables, in double brackets",
+        "one per wire or other length that a log has",
+        left_out="none",
         alias="length_sensor",
         default=(),
     )
     effects: tuple[EffectParameters, ...] = key(
-        "[[effect]] tables, in double brackets, one per effect", alias="effect", default=()
+        "[[effect]] tables, in double brackets",
+        "one per effect beyond the paper's model",
+        left_out="none",
+        alias="effect",
+        default=(),
     )
 
     # The text this was read from: writing back keeps its comments and order.

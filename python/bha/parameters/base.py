@@ -1,7 +1,7 @@
 """What the tables of a parameter file have in common: the strict model and the types of its values.
 
-Every field states its ``unit`` and, as its description, the values that are allowed; error texts and ``bha info`` are
-made from these, so that they cannot disagree with the check.
+Every field states its unit, the values that are allowed and what it is; error texts, ``bha info`` and the pages of the
+documentation are made from these, so that they cannot disagree with the check.
 """
 
 from __future__ import annotations
@@ -46,9 +46,30 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-def key(allowed: str, *, unit: str = "", default: Any = ..., alias: str | None = None, **limits: Any) -> Any:
-    """Declare a key of a table: the values it allows, in words, and its unit."""
-    return Field(default, description=allowed, alias=alias, json_schema_extra={"unit": unit}, **limits)
+def key(
+    allowed: str,
+    meaning: str = "",
+    *,
+    unit: str = "",
+    left_out: str = "",
+    default: Any = ...,
+    alias: str | None = None,
+    **limits: Any,
+) -> Any:
+    """Declare a key of a table, in words that errors and the documentation share.
+
+    Args:
+        allowed: the values it allows, with their unit in brackets.
+        meaning: what it is.
+        unit: the unit alone, empty where it has none.
+        left_out: what holds without it, for the documentation, where ``default`` does not say so itself.
+        default: its value where it is left out.
+        alias: its name in the file, if it has another one here.
+        limits: what pydantic checks.
+    """
+    said: dict[str, Any] = {"unit": unit, "allowed": allowed, "meaning": meaning, "left_out": left_out}
+    description = f"{allowed}: {meaning}" if meaning else allowed
+    return Field(default, description=description, alias=alias, json_schema_extra=said, **limits)
 
 
 def table_error(message: str, at: str | tuple[str | int, ...] = "") -> PydanticCustomError:

@@ -27,15 +27,19 @@ class BaseParameters(Table):
     """The ``[base]`` table: position and rotation of the base in the world."""
 
     position: Vector3 = key(
-        "[x, y, z], numbers (m): the origin of the base's frame, in the world", unit="m", default=(0.0, 0.0, 0.0)
+        "[x, y, z], numbers (m)", "the origin of the base's frame, in the world", unit="m", default=(0.0, 0.0, 0.0)
     )
     rotation: Vector3 | None = key(
-        "[x, y, z], numbers (rad): rotation vector in the world; give rotation or rotation_deg",
+        "[x, y, z], numbers (rad)",
+        "rotation vector in the world, by which the base's axes are turned; give rotation or rotation_deg",
+        left_out="[0, 0, 0]",
         unit="rad",
         default=None,
     )
     rotation_deg: Vector3 | None = key(
-        "[x, y, z], numbers (degrees): rotation vector in the world; give rotation or rotation_deg",
+        "[x, y, z], numbers (degrees)",
+        "the same in degrees; give rotation or rotation_deg",
+        left_out="[0, 0, 0]",
         unit="deg",
         default=None,
     )

@@ -11,23 +11,36 @@ from bha.parameters.base import NotNegative, Number, Polynomial, Positive, Table
 from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key
 
 INPUT_PATTERN = r"^p([1-9][1-9]|[1-9][0-9]{1,2}_[1-9][0-9]{0,2}|[1-9]_[1-9][0-9]{1,2})$"
-STIFFNESS_ALLOWED = (
-    "1 to 8 numbers [c1, c2, ...]: spring force = c1 e + c2 e^2 + ..., e = length - rest_length (N/m, N/m^2, ...)"
-)
+STIFFNESS_ALLOWED = "1 to 8 numbers [c1, c2, ...] (N/m, N/m^2, ...)"
+STIFFNESS_MEANING = "spring force c1 e + c2 e^2 + ..., e = length - rest_length"
 
 
 class BellowsParameters(Table):
     """A ``[[section.bellows]]`` table. What it leaves out is inherited from its section."""
 
-    angle: Number | None = key("a number (rad); give angle or angle_deg", unit="rad", default=None)
-    angle_deg: Number | None = key("a number (degrees); give angle or angle_deg", unit="deg", default=None)
-    radius: NotNegative | None = key("a number >= 0 (m)", unit="m", default=None)
-    terminal_area: Positive | None = key("a number > 0 (m^2)", unit="m^2", default=None)
-    rest_length: Positive | None = key("a number > 0 (m)", unit="m", default=None)
-    stiffness: Polynomial | None = key(STIFFNESS_ALLOWED, unit="N/m^k", default=None)
-    damping: NotNegative | None = key("a number >= 0 (N s/m)", unit="N s/m", default=None)
+    angle: Number | None = key("a number (rad)", "about z, from x; give angle or angle_deg", unit="rad", default=None)
+    angle_deg: Number | None = key(
+        "a number (degrees)", "the same in degrees; give angle or angle_deg", unit="deg", default=None
+    )
+    radius: NotNegative | None = key(
+        "a number >= 0 (m)", "distance from the centre line", left_out="bellows_radius", unit="m", default=None
+    )
+    terminal_area: Positive | None = key(
+        "a number > 0 (m^2)", "area that its pressure pushes on", left_out="the section's", unit="m^2", default=None
+    )
+    rest_length: Positive | None = key(
+        "a number > 0 (m)", "length without spring force", left_out="the section's", unit="m", default=None
+    )
+    stiffness: Polynomial | None = key(
+        STIFFNESS_ALLOWED, STIFFNESS_MEANING, unit="N/m^k", left_out="the section's", default=None
+    )
+    damping: NotNegative | None = key(
+        "a number >= 0 (N s/m)", "damping", left_out="the section's", unit="N s/m", default=None
+    )
     input: str | None = key(
         'the name of a pressure input: "p", section and input number, as in "p13" ("p10_3" where one has two digits)',
+        "what feeds it; several bellows may name the same",
+        left_out='by its number, "p11", "p12", ...',
         default=None,
         pattern=INPUT_PATTERN,
     )

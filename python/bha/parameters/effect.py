@@ -98,9 +98,9 @@ class EffectParameters(Table):
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
-    kind: str = key("a kind of effect", strict=True)
-    where: str = key("a place: " + ", ".join(WRITTEN.values()), strict=True)
-    force: str | None = key('the formula of kind "formula"', default=None, strict=True)
+    kind: str = key("a kind of effect", "what it is", strict=True)
+    where: str = key("a place: " + ", ".join(WRITTEN.values()), "where it acts", strict=True)
+    force: str | None = key('a formula, with kind "formula"', "force of the bellows (N)", default=None, strict=True)
     provenance: ProvenanceTable = provenance_key()
 
     @model_validator(mode="after")

@@ -41,37 +41,58 @@ NEEDED: dict[str, tuple[str, ...]] = {
 class PneumaticsParameters(Table):
     """The ``[pneumatics]`` table."""
 
-    level: PneumaticsLevel = key(" or ".join(f'"{name}"' for name in get_args(PneumaticsLevel)))
-    fill_time: Positive | None = key("a number > 0 (s): time constant of filling", unit="s", default=None)
-    vent_time: Positive | None = key("a number > 0 (s): time constant of venting", unit="s", default=None)
-    supply_pressure: Positive | None = key("a number > 0, absolute (Pa)", unit="Pa", default=None)
-    exhaust_pressure: Positive | None = key("a number > 0, absolute (Pa)", unit="Pa", default=None)
+    level: PneumaticsLevel = key(
+        " or ".join(f'"{name}"' for name in get_args(PneumaticsLevel)),
+        "how much is modelled between command and bellows",
+    )
+    fill_time: Positive | None = key("a number > 0 (s)", 'time constant of filling, of "lag"', unit="s", default=None)
+    vent_time: Positive | None = key("a number > 0 (s)", 'time constant of venting, of "lag"', unit="s", default=None)
+    supply_pressure: Positive | None = key(
+        "a number > 0, absolute (Pa)", "behind the valve's supply port", unit="Pa", default=None
+    )
+    exhaust_pressure: Positive | None = key(
+        "a number > 0, absolute (Pa)", "behind the valve's exhaust port", unit="Pa", default=None
+    )
     vacuum_pressure: Positive | None = key(
-        "a number > 0, absolute (Pa), below exhaust_pressure; left out: no vacuum", unit="Pa", default=None
+        "a number > 0, absolute (Pa), below exhaust_pressure",
+        "where given, the exhaust has a check valve and the valve's lower side also draws to here",
+        left_out="no vacuum",
+        unit="Pa",
+        default=None,
     )
     sonic_conductance: Positive | None = key(
-        "a number > 0 (m^3/(s Pa)): C of ISO 6358", unit="m^3/(s Pa)", default=None
+        "a number > 0 (m^3/(s Pa))", "C of ISO 6358 at full opening", unit="m^3/(s Pa)", default=None
     )
     exhaust_conductance: Positive | None = key(
-        "a number > 0 (m^3/(s Pa)): C towards exhaust and vacuum; left out: sonic_conductance",
+        "a number > 0 (m^3/(s Pa))",
+        "C towards exhaust and vacuum",
+        left_out="sonic_conductance",
         unit="m^3/(s Pa)",
         default=None,
     )
-    critical_pressure_ratio: Number | None = key("a number from 0 to 0.99: b of ISO 6358", default=None, ge=0, le=0.99)
-    air_temperature: Positive | None = key("a number > 0 (K)", unit="K", default=None)
+    critical_pressure_ratio: Number | None = key(
+        "a number from 0 to 0.99", "b of ISO 6358", default=None, ge=0, le=0.99
+    )
+    air_temperature: Positive | None = key("a number > 0 (K)", "of supply and chambers", unit="K", default=None)
     dead_volume: NotNegative | None = key(
-        "a number >= 0 (m^3): volume of an input besides its bellows", unit="m^3", default=None
+        "a number >= 0 (m^3)", "volume of an input besides its bellows: tube and fittings", unit="m^3", default=None
     )
     polytropic_exponent: Number | None = key(
-        "a number from 1 (isothermal) to 1.4 (adiabatic)", default=None, ge=1, le=1.4
+        "a number from 1 (isothermal) to 1.4 (adiabatic)", "of the air in the chambers", default=None, ge=1, le=1.4
     )
-    spool_time: Positive | None = key("a number > 0 (s): time constant of the spool", unit="s", default=None)
+    spool_time: Positive | None = key("a number > 0 (s)", "time constant of the spool", unit="s", default=None)
     spool_dead_band: Number | None = key(
-        "a number from 0 to 0.9: spool travel without flow, as a part of full travel", default=None, ge=0, le=0.9
+        "a number from 0 to 0.9", "spool travel without flow, as a part of full travel", default=None, ge=0, le=0.9
     )
-    proportional_gain: NotNegative | None = key("a number >= 0 (1/s)", unit="1/s", default=None)
-    integral_gain: NotNegative | None = key("a number >= 0 (1/s^2)", unit="1/s^2", default=None)
-    feed_forward: NotNegative | None = key("a number >= 0: part of the reference's rate fed forward", default=None)
+    proportional_gain: NotNegative | None = key(
+        "a number >= 0 (1/s)", "of the pressure controller", unit="1/s", default=None
+    )
+    integral_gain: NotNegative | None = key(
+        "a number >= 0 (1/s^2)", "of the pressure controller", unit="1/s^2", default=None
+    )
+    feed_forward: NotNegative | None = key(
+        "a number >= 0", "part of the reference's rate that the pressure controller feeds forward", default=None
+    )
     provenance: ProvenanceTable = provenance_key()
 
     @model_validator(mode="after")

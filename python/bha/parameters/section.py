@@ -33,7 +33,7 @@ from bha.parameters.base import (
     key,
     table_error,
 )
-from bha.parameters.bellows import STIFFNESS_ALLOWED, BellowsParameters, ResolvedBellows
+from bha.parameters.bellows import STIFFNESS_ALLOWED, STIFFNESS_MEANING, BellowsParameters, ResolvedBellows
 from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key
 
 T = TypeVar("T")
@@ -50,66 +50,106 @@ _STANDARD_BELLOWS = tuple(BellowsParameters(angle_deg=angle) for angle in STANDA
 class SectionParameters(Table):
     """A ``[[section]]`` table."""
 
-    mass: Positive = key("a number > 0 (kg)", unit="kg")
+    mass: Positive = key("a number > 0 (kg)", "mass at the head, lumped at center_of_mass", unit="kg")
     inertia: tuple[NotNegative, NotNegative, NotNegative] | None = key(
-        "[Jx, Jy, Jz], numbers >= 0 (kg m^2), about the centre of mass in the head frame", unit="kg m^2", default=None
+        "[Jx, Jy, Jz], numbers >= 0 (kg m^2)",
+        "moments of inertia about the centre of mass, axes of the head frame",
+        left_out="by (56), from mass, radii and mean length",
+        unit="kg m^2",
+        default=None,
     )
-    center_of_mass: Vector3 = key("[x, y, z], numbers (m), in the head frame", unit="m", default=(0.0, 0.0, 0.0))
+    center_of_mass: Vector3 = key(
+        "[x, y, z], numbers (m)", "centre of mass in the head frame", unit="m", default=(0.0, 0.0, 0.0)
+    )
     force_point: Vector3 | None = key(
-        "[x, y, z], numbers (m), in the head frame: where external forces act; the centre of mass if left out",
+        "[x, y, z], numbers (m)",
+        "where external forces act, in the head frame",
+        left_out="center_of_mass, as in (28)",
         unit="m",
         default=None,
     )
-    bellows_radius: Positive = key("a number > 0 (m): distance of the three lengths from the centre line", unit="m")
+    bellows_radius: Positive = key("a number > 0 (m)", "distance of the three lengths from the centre line", unit="m")
     bellows_outer_radius: Positive | None = key(
-        "a number > 0 (m): radius of one bellows; needed where inertia is left out", unit="m", default=None
+        "a number > 0 (m)",
+        "radius of one bellows, for (56)",
+        left_out="allowed where inertia is given",
+        unit="m",
+        default=None,
     )
-    terminal_area: Positive = key("a number > 0 (m^2)", unit="m^2")
-    rest_length: Positive = key("a number > 0 (m)", unit="m")
-    stiffness: Polynomial = key(STIFFNESS_ALLOWED, unit="N/m^k")
-    damping: NotNegative = key("a number >= 0 (N s/m)", unit="N s/m")
+    terminal_area: Positive = key("a number > 0 (m^2)", "area that the pressure of a bellows pushes on", unit="m^2")
+    rest_length: Positive = key("a number > 0 (m)", "length of a bellows without spring force", unit="m")
+    stiffness: Polynomial = key(STIFFNESS_ALLOWED, STIFFNESS_MEANING, unit="N/m^k")
+    damping: NotNegative = key("a number >= 0 (N s/m)", "damping of one bellows", unit="N s/m")
     bending_stiffness: tuple[Number, ...] = key(
-        "[k1] or [k1, k3]: bending moment = k1 psi + k3 psi^3 (N m, N m)", unit="N m", min_length=1, max_length=2
+        "[k1] or [k1, k3] (N m, N m)",
+        "bending moment k1 psi + k3 psi^3 at the bending angle psi",
+        unit="N m",
+        min_length=1,
+        max_length=2,
     )
     cross_bending_stiffness: tuple[Number, ...] | None = key(
-        "[k1] or [k1, k3] (N m, N m) of bending at right angles to bending_plane; as bending_stiffness if left out",
+        "[k1] or [k1, k3] (N m, N m)",
+        "the same of bending at right angles to bending_plane",
+        left_out="as bending_stiffness, in all planes",
         unit="N m",
         default=None,
         min_length=1,
         max_length=2,
     )
     bending_plane: Number | None = key(
-        "a number (rad): phi of the plane that bending_stiffness holds in; 0 if left out",
+        "a number (rad)",
+        "phi of the plane that bending_stiffness holds in, about z from x; or bending_plane_deg",
+        left_out="0",
         unit="rad",
         default=None,
     )
     bending_plane_deg: Number | None = key(
-        "a number (degrees): phi of the plane that bending_stiffness holds in; 0 if left out", unit="deg", default=None
+        "a number (degrees)", "the same in degrees; at most one of the two", left_out="0", unit="deg", default=None
     )
     axial_stiffness: Polynomial | None = key(
-        "1 to 8 numbers [c1, c2, ...]: axial force = c1 e + c2 e^2 + ..., e = mean length - axial_rest_length "
-        "(N/m, N/m^2, ...); none if left out",
+        "1 to 8 numbers [c1, c2, ...] (N/m, N/m^2, ...)",
+        "axial force c1 e + c2 e^2 + ..., e = mean length - axial_rest_length",
+        left_out="none",
         unit="N/m^k",
         default=None,
     )
     axial_rest_length: Positive | None = key(
-        "a number > 0 (m): mean length without axial force; rest_length if left out", unit="m", default=None
+        "a number > 0 (m)", "mean length without axial force", left_out="rest_length", unit="m", default=None
     )
-    axial_damping: NotNegative = key("a number >= 0 (N s/m): damping of the mean length", unit="N s/m", default=0.0)
-    length_range: PositiveRange = key("[shortest, longest], 0 < shortest < longest (m)", unit="m")
-    pressure_range: NotNegativeRange = key("[lowest, highest], absolute, 0 <= lowest < highest (Pa)", unit="Pa")
-    base_offset: NotNegative = key("a number >= 0 (m): rigid piece before the bellows", unit="m", default=0.0)
-    head_offset: NotNegative = key("a number >= 0 (m): rigid piece after the bellows", unit="m", default=0.0)
+    axial_damping: NotNegative = key("a number >= 0 (N s/m)", "damping of the mean length", unit="N s/m", default=0.0)
+    length_range: PositiveRange = key(
+        "[shortest, longest], 0 < shortest < longest (m)", "permitted lengths of a bellows", unit="m"
+    )
+    pressure_range: NotNegativeRange = key(
+        "[lowest, highest], absolute, 0 <= lowest < highest (Pa)", "permitted pressures", unit="Pa"
+    )
+    base_offset: NotNegative = key(
+        "a number >= 0 (m)", "rigid piece along z before the bending part", unit="m", default=0.0
+    )
+    head_offset: NotNegative = key(
+        "a number >= 0 (m)", "rigid piece along z behind the bending part", unit="m", default=0.0
+    )
     bellows: tuple[BellowsParameters, ...] | None = key(
-        "1 to 12 [[section.bellows]] tables, in double brackets", default=None, min_length=1, max_length=12
+        "1 to 12 [[section.bellows]] tables, in double brackets",
+        "where its bellows sit",
+        left_out="three at 0, 120 and 240 degrees",
+        default=None,
+        min_length=1,
+        max_length=12,
     )
     arcs: tuple[SectionArcParameters, ...] = key(
-        f"1 to {MOST_ALONG} [[section.arcs]] tables, in double brackets; left out: one arc",
+        f"1 to {MOST_ALONG} [[section.arcs]] tables, in double brackets",
+        "the arcs that it bends in",
+        left_out="one arc",
         default=(),
         max_length=MOST_ALONG,
     )
     masses: tuple[PointMassParameters, ...] = key(
-        f"at most {MOST_ALONG} [[section.masses]] tables, in double brackets", default=(), max_length=MOST_ALONG
+        f"at most {MOST_ALONG} [[section.masses]] tables, in double brackets",
+        "masses along it",
+        left_out="none",
+        default=(),
+        max_length=MOST_ALONG,
     )
     provenance: ProvenanceTable = provenance_key()
 

@@ -31,10 +31,7 @@ from bha.parameters.provenance import ProvenanceTable, check_provenance, provena
 
 SignedAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 LengthColumns = Literal["bellows", "coordinates"]
-AXES_ALLOWED = (
-    'three texts, each of x, y, z once, with an optional "-", as in ["x", "-y", "-z"]: the axes of the base frame '
-    "along which those of the camera point before camera_rotation"
-)
+AXES_ALLOWED = 'three texts, each of x, y, z once, with an optional "-", as in ["x", "-y", "-z"]'
 #: How far an origin, m, and a rotation vector, rad, of a camera plausibly are from where a file has them: one standard
 #: deviation of each entry.
 CAMERA_SPREADS = {"camera_position": 0.02, "camera_rotation": 0.05}
@@ -45,22 +42,36 @@ class SensorsParameters(Table):
     """The ``[sensors]`` table: the frame in which heads are measured, and what columns of lengths mean."""
 
     camera_position: Vector3 = key(
-        "[x, y, z], numbers (m): the origin of the camera's frame, in the world", unit="m", default=(0.0, 0.0, 0.0)
+        "[x, y, z], numbers (m)",
+        "the origin of the frame that heads are measured in, in the world",
+        unit="m",
+        default=(0.0, 0.0, 0.0),
     )
     camera_rotation: Vector3 | None = key(
-        "[x, y, z], numbers (rad): rotation vector in the world; give camera_rotation or camera_rotation_deg",
+        "[x, y, z], numbers (rad)",
+        "rotation vector in the world by which the camera is turned after camera_axes; give "
+        "camera_rotation or camera_rotation_deg",
+        left_out="[0, 0, 0]",
         unit="rad",
         default=None,
     )
     camera_rotation_deg: Vector3 | None = key(
-        "[x, y, z], numbers (degrees): rotation vector in the world; give camera_rotation or camera_rotation_deg",
+        "[x, y, z], numbers (degrees)",
+        "the same in degrees; give camera_rotation or camera_rotation_deg",
+        left_out="[0, 0, 0]",
         unit="deg",
         default=None,
     )
-    camera_axes: tuple[SignedAxis, SignedAxis, SignedAxis] = key(AXES_ALLOWED, default=("x", "y", "z"))
+    camera_axes: tuple[SignedAxis, SignedAxis, SignedAxis] = key(
+        AXES_ALLOWED,
+        "the axes of the world along which those of the camera point before camera_rotation; a mirrored frame is "
+        "allowed",
+        default=("x", "y", "z"),
+    )
     lengths: LengthColumns = key(
-        '"bellows" (q11 is the length of bellows 1, where it sits) or "coordinates" (q11, q12, q13 are the lengths at '
-        "0, 120 and 240 degrees at bellows_radius)",
+        '"bellows" or "coordinates"',
+        "what q11, q12, q13 of a log are: the lengths of the bellows, where they sit, or those at 0, 120 and 240 "
+        "degrees at bellows_radius",
         default="bellows",
     )
     provenance: ProvenanceTable = provenance_key()
@@ -101,14 +112,24 @@ class SensorsParameters(Table):
 class LengthSensorParameters(Table):
     """A ``[[length_sensor]]`` table: a wire along the arm, or what else measures arcs beside the centre line."""
 
-    name: str = key("the name of a column of the log, without its unit", min_length=1, max_length=100, strict=True)
-    angle: Number | None = key("a number (rad); give angle or angle_deg", unit="rad", default=None)
-    angle_deg: Number | None = key("a number (degrees); give angle or angle_deg", unit="deg", default=None)
-    radius: NotNegative = key("a number >= 0 (m): distance from the centre line", unit="m")
-    sections: tuple[SectionNumber, ...] = key(
-        "a list of section numbers, from 1, each once: those whose bending parts it runs along", min_length=1
+    name: str = key(
+        "a text of 1 to 100 characters",
+        "the column of the log, without its unit, of a name that stands for nothing else",
+        min_length=1,
+        max_length=100,
+        strict=True,
     )
-    offset: Number = key("a number (m): what the reading has beside the arcs", unit="m", default=0.0)
+    angle: Number | None = key("a number (rad)", "about z, from x; give angle or angle_deg", unit="rad", default=None)
+    angle_deg: Number | None = key(
+        "a number (degrees)", "the same in degrees; give angle or angle_deg", unit="deg", default=None
+    )
+    radius: NotNegative = key("a number >= 0 (m)", "distance from the centre line", unit="m")
+    sections: tuple[SectionNumber, ...] = key(
+        "a list of section numbers, from 1, each once", "the sections whose bending parts it runs along", min_length=1
+    )
+    offset: Number = key(
+        "a number (m)", "what the reading has beside the arcs in these sections", unit="m", default=0.0
+    )
     provenance: ProvenanceTable = provenance_key()
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Pictures of an identification: held-out logs, correlations; Figs. 8 to 10 of the paper's procedures."""
+"""Pictures of an identification: held-out logs, correlations. Those of section IV: ``bha.plot.section_four``."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bha.identification.result import Identification
-from bha.identification.statics import StiffnessFit
-from bha.identification.swing import Oscillation
-from bha.identification.words import spoken
 from bha.plot.style import COLORS, DASHED, SOLID, draw, figure_of_size, line_options
 
 if TYPE_CHECKING:
@@ -57,34 +54,4 @@ def plot_correlation(result: Identification) -> Figure:
         axes.set_yticks(range(len(names)), names)
         axes.grid(False)
         figure.colorbar(image, shrink=0.7, label="correlation")
-        return figure
-
-
-def plot_stiffness(fit: StiffnessFit) -> Figure:
-    """A law fitted to steady states: spring force over elongation (Fig. 8) or bending moment over angle (Fig. 9)."""
-    longitudinal = fit.law == "longitudinal"
-    with figure_of_size(3.6, 2.8) as figure:
-        axes = figure.subplots()
-        low, high = float(fit.abscissa.min()), float(fit.abscissa.max())
-        line = np.linspace(low - 0.05 * (high - low), high + 0.05 * (high - low), 200)
-        scale = _MM if longitudinal else 180.0 / np.pi
-        axes.plot(scale * fit.abscissa, fit.ordinate, "o", color=COLORS[0], markersize=3, label="steady states")
-        axes.plot(scale * line, fit.curve(line), color=COLORS[1], label="fit")
-        axes.set_xlabel("elongation [mm]" if longitudinal else "bending angle [degrees], negative for phi = pi")
-        axes.set_ylabel("spring force of one bellows [N]" if longitudinal else "bending moment [N m]")
-        axes.set_title(f"section {fit.section}: {', '.join(spoken(p) for p in fit.paths)}")
-        axes.legend()
-        return figure
-
-
-def plot_oscillation(swing: Oscillation) -> Figure:
-    """A free swing and the decaying oscillation fitted to it (Fig. 10)."""
-    with figure_of_size(4.2, 2.4) as figure:
-        axes = figure.subplots()
-        draw(axes, swing.time, _MM * swing.measured, **line_options(SOLID, COLORS[0]), label="measured")
-        draw(axes, swing.time, _MM * swing.fitted, **line_options(DASHED, COLORS[1]), label="fit")
-        axes.set_xlabel("t [s]")
-        axes.set_ylabel(f"{swing.channel} [mm]")
-        axes.set_title(f"{swing.frequency:.3g} Hz, damping ratio {100 * swing.damping_ratio:.2g} %")
-        axes.legend()
         return figure

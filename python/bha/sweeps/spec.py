@@ -35,18 +35,25 @@ class InputTable(Table):
     """The ``[input]`` table: what drives the arm."""
 
     logs: tuple[Annotated[str, Field(strict=True)], ...] | None = key(
-        "a list of log files, each once; give logs or pressures", default=None, min_length=1
+        "a list of log files, each once", "what drives the arm; give logs or pressures", default=None, min_length=1
     )
     pressures: tuple[NotNegative, ...] | None = key(
-        "a list of numbers >= 0 (Pa, absolute), one an input, constant", unit="Pa", default=None, min_length=1
+        "a list of numbers >= 0 (Pa, absolute), one an input",
+        "constant pressures; give logs or pressures",
+        unit="Pa",
+        default=None,
+        min_length=1,
     )
     log_pressures: PressureSort | None = key(
-        '"measured" or "commanded": which pressures of the logs drive the arm; if left out measured ones where there '
-        "are any",
+        '"measured" or "commanded"',
+        "which pressures of the logs drive the arm",
+        left_out="measured ones where there are any",
         default=None,
     )
     log_missing: Annotated[bool, Field(strict=True)] = key(
-        "true or false: take NaN and empty cells of measured outputs of the logs as missing samples", default=False
+        "true or false",
+        "take NaN and empty cells of measured outputs of the logs as missing samples, as with --missing",
+        default=False,
     )
 
     @model_validator(mode="after")
@@ -67,16 +74,28 @@ class InitialTable(Table):
     """The ``[initial]`` table: where every run starts; at rest under its first pressures if left out."""
 
     pressures: tuple[NotNegative, ...] | None = key(
-        "a list of numbers >= 0 (Pa, absolute), one an input: at rest under these",
+        "a list of numbers >= 0 (Pa, absolute), one an input",
+        "at rest under these: the run begins with a step",
+        left_out="the run's first pressures",
         unit="Pa",
         default=None,
         min_length=1,
     )
     lengths: tuple[Positive, ...] | None = key(
-        "a list of numbers > 0 (m), three a section", unit="m", default=None, min_length=3
+        "a list of numbers > 0 (m), three a section",
+        "where the run starts",
+        left_out="at rest",
+        unit="m",
+        default=None,
+        min_length=3,
     )
     velocities: tuple[Number, ...] | None = key(
-        "a list of numbers (m/s), three a section; left out: 0", unit="m/s", default=None, min_length=3
+        "a list of numbers (m/s), three a section",
+        "how fast it starts",
+        left_out="0",
+        unit="m/s",
+        default=None,
+        min_length=3,
     )
 
     @model_validator(mode="after")
@@ -89,17 +108,26 @@ class InitialTable(Table):
 class SimulationTable(Table):
     """The ``[simulation]`` table: how long and how exactly."""
 
-    duration: Positive | None = key("a number > 0 (s); left out: the whole log", unit="s", default=None)
-    dt: Positive = key("a number > 0 (s): distance of the rows that metrics see", unit="s", default=0.005)
-    method: Method = key('"auto", "dopri5", "rodas4", "rk4" or "ros2"', default="auto")
-    step: Positive = key("a number > 0 (s): longest step of rk4 and ros2", unit="s", default=1e-3)
-    rtol: Positive = key("a number > 0: relative tolerance of dopri5 and rodas4", default=1e-6)
-    atol: Positive = key("a number > 0 (m and m/s): absolute tolerance of dopri5 and rodas4", default=1e-8)
-    max_steps: Count = key("a whole number >= 1: a run that needs more steps has diverged", default=1_000_000)
-    interpolation: Interpolation | None = key('"linear" or "hold"; left out: as the input says', default=None)
+    duration: Positive | None = key(
+        "a number > 0 (s)",
+        "from the start of the log; needed without a log",
+        left_out="the whole log",
+        unit="s",
+        default=None,
+    )
+    dt: Positive = key("a number > 0 (s)", "distance of the rows that metrics see", unit="s", default=0.005)
+    method: Method = key('"auto", "dopri5", "rodas4", "rk4" or "ros2"', "as for bha.simulate", default="auto")
+    step: Positive = key("a number > 0 (s)", "longest step of rk4 and ros2", unit="s", default=1e-3)
+    rtol: Positive = key("a number > 0", "relative tolerance of dopri5 and rodas4", default=1e-6)
+    atol: Positive = key("a number > 0 (m and m/s)", "absolute tolerance of dopri5 and rodas4", default=1e-8)
+    max_steps: Count = key("a whole number >= 1", "a run that needs more steps has diverged", default=1_000_000)
+    interpolation: Interpolation | None = key(
+        '"linear" or "hold"', "what holds between samples", left_out="as the input says", default=None
+    )
     instruction_set: InstructionSet | None = key(
-        ", ".join(f'"{name}"' for name in get_args(InstructionSet))
-        + "; left out: the widest one of the computer that starts the sweep",
+        ", ".join(f'"{name}"' for name in get_args(InstructionSet)),
+        "what computes runs abreast: all methods but dopri5",
+        left_out="the widest one of the computer that starts the sweep",
         default=None,
     )
 
@@ -107,27 +135,42 @@ class SimulationTable(Table):
 class SweepSpec(Table):
     """What a sweep file says. Read one with :meth:`read` or make one with :meth:`from_mapping`."""
 
-    schema_name: Literal["bha-sweep/1"] = key(f'"{SCHEMA}"', alias="schema")
-    arm: str = key("a parameter file, or the name of an arm that ships with the package", strict=True, min_length=1)
-    kind: Literal["monte_carlo", "grid"] = key('"monte_carlo" or "grid"')
-    runs: Count | None = key('a whole number >= 1, with kind "monte_carlo"', default=None)
-    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = key("a whole number from 0 to 2^63 - 1", default=0)
+    schema_name: Literal["bha-sweep/1"] = key(f'"{SCHEMA}"', "what the file is", alias="schema")
+    arm: str = key(
+        "a parameter file, or the name of an arm that ships with the package",
+        "the arm; paths start at this file",
+        strict=True,
+        min_length=1,
+    )
+    kind: Literal["monte_carlo", "grid"] = key(
+        '"monte_carlo" or "grid"',
+        "runs that are drawn, or one for every combination, the last variable changing fastest",
+    )
+    runs: Count | None = key(
+        "a whole number >= 1", "number of runs of Monte Carlo", left_out='not with kind "grid"', default=None
+    )
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = key(
+        "a whole number from 0 to 2^63 - 1", "of Monte Carlo: seed and number of a run decide what it draws", default=0
+    )
     partition_size: Annotated[int, Field(strict=True, ge=1, le=LARGEST_PARTITION)] = key(
-        f"a multiple of {GROUP}, at most {LARGEST_PARTITION}: runs a file", default=1024
+        f"a multiple of {GROUP}, at most {LARGEST_PARTITION}", "runs a file; moves no result", default=1024
     )
     metrics: tuple[str, ...] = key(
         "a list of " + ", ".join(f'"{name}"' for name in METRICS),
+        "what each run is reduced to",
         default=("final_tip_displacement", "max_tip_displacement", "settling_time", "peak_rate"),
         min_length=1,
     )
     settling_band: Annotated[Number, Field(gt=0, lt=1)] = key(
-        "a number between 0 and 1: band of settling_time, as a share of the largest distance from the end", default=0.05
+        "a number between 0 and 1",
+        "band of settling_time, as a share of the tip's largest distance from its end",
+        default=0.05,
     )
-    input: InputTable = key("an [input] table")
-    initial: InitialTable = key("an [initial] table", default=InitialTable())
-    simulation: SimulationTable = key("a [simulation] table", default=SimulationTable())
+    input: InputTable = key("an [input] table", "what drives the arm")
+    initial: InitialTable = key("an [initial] table", "where every run starts", default=InitialTable())
+    simulation: SimulationTable = key("a [simulation] table", "how long and how exactly", default=SimulationTable())
     variables: tuple[Variable, ...] = key(
-        "[[vary]] tables, in double brackets, one for each thing that varies", alias="vary", min_length=1
+        "[[vary]] tables, in double brackets", "one for each thing that varies", alias="vary", min_length=1
     )
 
     # Where it was read from, for errors that are found later, and what relative paths start from.

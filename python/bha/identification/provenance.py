@@ -1,0 +1,74 @@
+"""How well numbers of a parameter file are known, written beside them: interval, standard error, the logs' hashes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bha.estimation.records import Record
+from bha.parameters import ArmParameters, paths
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What is known of one number.
+
+    Attributes:
+        path: where it stands.
+        interval: 95 % interval.
+        standard_error: its standard error.
+        told: whether logs tell it; if not it counts as assumed.
+        note: what a reader must know besides, or nothing.
+    """
+
+    path: str
+    interval: tuple[float, float]
+    standard_error: float
+    told: bool = True
+    note: str = ""
+
+    @classmethod
+    def of_error(cls, path: str, value: float, standard_error: float) -> Mark:
+        """A number that was found, with a normal error."""
+        reach = 1.96 * standard_error
+        return cls(path, (value - reach, value + reach), standard_error)
+
+
+def marked(parameters: ArmParameters, marks: Iterable[Mark], logs: Sequence[Record]) -> ArmParameters:
+    """The parameters with the provenance of some numbers; of a list, what else is in it counts as it stands."""
+    mapping = parameters.to_mapping()
+    references = [{"name": Path(rec.name).name, "sha256": rec.sha256} for rec in logs if rec.sha256 is not None]
+    done: dict[int, set[str]] = {}
+    for mark in marks:
+        table, key, place = paths.table_of(mapping, mark.path)
+        interval, error = list(mark.interval), mark.standard_error
+        entry = table.setdefault("provenance", {})
+        old = entry.get(key)
+        fresh = key not in done.setdefault(id(table), set())
+        done[id(table)].add(key)
+        if place is None:
+            entry[key] = _entry(mark.told, interval, error, references, mark.note)
+            continue
+        values = table[key]
+        if fresh or not isinstance(old, dict):
+            old = _entry(mark.told, [[v, v] for v in values], [0.0] * len(values), references, mark.note)
+        elif mark.note:
+            old = {**old, "source": "; ".join(filter(None, [old.get("source", ""), mark.note]))}
+        if mark.told:
+            old["status"] = "identified"
+        old["ci95"][place] = interval
+        old["standard_error"][place] = error
+        entry[key] = old
+    return parameters.updated(mapping)
+
+
+def _entry(identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str) -> dict[str, Any]:
+    entry: dict[str, Any] = {"status": "identified" if identified else "assumed"}
+    if note:
+        entry["source"] = note
+    entry |= {"ci95": interval, "standard_error": error}
+    if references:
+        entry["logs"] = references
+    return entry
