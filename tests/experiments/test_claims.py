@@ -95,6 +95,6 @@ def test_the_document_is_that_of_the_command(laboratory: Laboratory) -> None:
     for name in EXPERIMENTS:
         assert callable(function(name))
     for picture in sorted((ROOT / "docs" / "figures").glob("*.png")):
-        documents = (ROOT / "docs").glob("*.md")
-        assert any(f"](figures/{picture.name})" in path.read_text(encoding="utf-8") for path in documents), picture
+        documents = (ROOT / "docs").rglob("*.md")
+        assert any(f"figures/{picture.name}" in path.read_text(encoding="utf-8") for path in documents), picture
     assert section(Outcome("x", "Title", "Text."))[0] == "## Title"
