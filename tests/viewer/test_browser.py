@@ -164,9 +164,10 @@ def test_the_command_writes_a_page_and_says_what_is_wrong(tmp_path: Path) -> Non
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
     made.log(seconds=0.5).write(tmp_path / "log.csv")
-    done = run("bha_nominal", "log.csv", "--page", "arm.html", "--rate", "5")
+    done = run("bha_nominal", "log.csv", "--page", "arm.html", "--video", "arm.gif", "--rate", "5")
     assert done.returncode == 0, done.stderr
-    assert done.stdout == f"Written: {tmp_path / 'arm.html'}\n" or done.stdout == "Written: arm.html\n"
+    assert done.stdout == "Written: arm.html, arm.gif\n"
+    assert (tmp_path / "arm.gif").read_bytes().startswith(b"GIF89a")
     assert (tmp_path / "arm.html").read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
     refused = run("bha_nominal", "log.csv", "--page", "arm.pdf")
     assert (refused.returncode, refused.stderr) == (

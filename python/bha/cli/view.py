@@ -11,6 +11,8 @@ from bha.arm import Arm
 from bha.cli.common import arm_argument, progress_bar, reports_errors, say
 from bha.cli.logs import missing_option, pressures_option
 from bha.recordings import PressureSort
+from bha.viewer import Viewer, checked_page_path, checked_video_path, motions_of, page, write_video
+from bha.viewer.pages import RATE
 
 
 @click.command()
@@ -24,10 +26,12 @@ from bha.recordings import PressureSort
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open it in the browser.")
 @click.option("--page", "page_path", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False),
               help="Write one .html file that plays by itself, without a network, and end.")  # fmt: skip
+@click.option("--video", "video_path", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False),
+              help="Write a video (.mp4) or an animated picture (.gif, .webp), and end.")  # fmt: skip
 @click.option("--speed", type=float, default=1.0, show_default=True,
-              help="Of a page: how many seconds are played in one.")  # fmt: skip
-@click.option("--rate", type=float, default=25.0, show_default=True,
-              help="Of a page: pictures for each second of playing.")  # fmt: skip
+              help="Of pages and videos: how many seconds are played in one.")  # fmt: skip
+@click.option("--rate", type=float, default=RATE, show_default=True,
+              help="Of pages and videos: pictures for each second of playing.")  # fmt: skip
 @reports_errors
 def view(
     arm: Arm,
@@ -38,6 +42,7 @@ def view(
     host: str,
     browser: bool,
     page_path: Path | None,
+    video_path: Path | None,
     speed: float,
     rate: float,
 ) -> None:
@@ -47,20 +52,27 @@ def view(
     heads that it has measured, with the gap as arrows. A TRAJECTORY (.npz, or a table with the rates of all lengths) is
     shown as it is. Of several files the first is drawn in the colours of its pressures, others as glass. Ctrl-C ends.
     """
-    from bha.viewer import Viewer, checked_page_path, motions_of, page  # noqa: PLC0415  (an optional extra)
-
+    # Before the work, lest it be lost.
     if page_path is not None:
-        checked_page_path(page_path)  # before the work, lest it be lost
+        checked_page_path(page_path)
+    if video_path is not None:
+        checked_video_path(video_path)
     with progress_bar() as bar:
-        task = bar.add_task("reading and simulating", total=None if sources else 1.0)
+        task = bar.add_task("reading and simulating", total=None)
         motions = motions_of(arm, sources, pressures=pressures, missing=missing)
+        written = []
+
+        def drawn(done: float) -> None:
+            bar.update(task, completed=done)
+
         if page_path is not None:
-            bar.reset(task, description="drawing", total=1.0)
-            written = page(
-                arm, motions, speed=speed, rate=rate, progress=lambda done: bar.update(task, completed=done)
-            ).write(page_path)
-    if page_path is not None:
-        say(f"Written: {written}")
+            bar.reset(task, description="drawing the page", total=1.0)
+            written.append(page(arm, motions, speed=speed, rate=rate, progress=drawn).write(page_path))
+        if video_path is not None:
+            bar.reset(task, description="drawing the video", total=1.0)
+            written.append(write_video(video_path, arm, motions, speed=speed, rate=rate, progress=drawn))
+    if written:
+        say("Written: " + ", ".join(map(str, written)))
         return
     with Viewer(arm, motions, host=host, port=port) as viewer:
         say(f"{arm.name} at {viewer.url}; Ctrl-C ends")

@@ -4,5 +4,17 @@ from bha.viewer.app import Viewer
 from bha.viewer.motions import Moment, Motion, motions_of
 from bha.viewer.pages import Page, checked_page_path, page
 from bha.viewer.start import view
+from bha.viewer.videos import checked_video_path, write_video
 
-__all__ = ["Moment", "Motion", "Page", "Viewer", "checked_page_path", "motions_of", "page", "view"]
+__all__ = [
+    "Moment",
+    "Motion",
+    "Page",
+    "Viewer",
+    "checked_page_path",
+    "checked_video_path",
+    "motions_of",
+    "page",
+    "view",
+    "write_video",
+]

@@ -226,3 +226,11 @@ def up_direction(arm: Arm) -> Array:
     gravity = np.asarray(arm.parameters.gravity, dtype=np.float64)
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+def axes_with_z(z: Array) -> Array:
+    """Axes (3, 3) as columns of a right-handed frame with this z axis, shape (3,), of length 1."""
+    x = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = x - (x @ z) * z
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=-1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bha.arm.geometry import camera_frame, quaternions_of
 from bha.viewer.colors import BASE, BESIDE, MEASURED, RIGID, PressureScale, linear_light
-from bha.viewer.geometry import Layout, Picture, base_frame, layout_of, picture, up_direction
+from bha.viewer.geometry import Layout, Picture, axes_with_z, base_frame, layout_of, picture, up_direction
 from bha.viewer.solids import Mesh, Solids, ball, convolution, cylinder
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class Scene:
             width=size,
             height=size,
             plane="xy",
-            wxyz=quaternions_of(_with_z(up)),
+            wxyz=quaternions_of(axes_with_z(up)),
             position=origin + lowest * up,
             cell_size=cell,
             section_size=10.0 * cell,
@@ -136,7 +136,7 @@ class Scene:
         rotation, origin = base_frame(arm)
         away = _NARROW_AWAY if narrow else 1.0
         middle = origin + 0.6 * size * rotation[:, 2] - (_NARROW_UP * size * up if narrow else 0.0)
-        camera.position = middle + away * size * _with_z(up) @ np.array(_CAMERA)
+        camera.position = middle + away * size * axes_with_z(up) @ np.array(_CAMERA)
         camera.look_at = middle
 
     def caption(self, text: str) -> None:
@@ -222,11 +222,3 @@ def _instances(scene: Any, name: str, mesh: Mesh, solids: Solids, colors: NDArra
 def _turned(positions: Array, rotations: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Quaternions (k, 4), scalar first, and positions (k, 3), as viser sends them."""
     return quaternions_of(rotations).astype(np.float32), positions.astype(np.float32)
-
-
-def _with_z(z: Array) -> Array:
-    """Axes (3, 3) as columns of a right-handed frame with this z axis."""
-    x = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = x - (x @ z) * z
-    x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=-1)

@@ -85,9 +85,10 @@ def convolution(sides: int = 16, rings: int = 4) -> Mesh:
     return turned([(0.86 + 0.14 * np.cos(2.0 * np.pi * at), at) for at in z], sides)
 
 
-def cylinder(sides: int = 32) -> Mesh:
-    """A cylinder of radius 1 from z = -1/2 to 1/2, closed."""
-    return turned([(0.0, -0.5), (1.0, -0.5), (1.0, 0.5), (0.0, 0.5)], sides)
+def cylinder(sides: int = 32, rings: int = 1) -> Mesh:
+    """A cylinder of radius 1 from z = -1/2 to 1/2, closed; the lids of so many rings."""
+    radii = np.linspace(0.0, 1.0, rings + 1)
+    return turned([*((r, -0.5) for r in radii), *((r, 0.5) for r in radii[::-1])], sides)
 
 
 def ball(sides: int = 12, rings: int = 6) -> Mesh:
