@@ -2,8 +2,8 @@
 navigation of the site lead somewhere.
 
 - ``python``: runs; what earlier snippets of the document defined is known.
-- ``console``: what follows ``$`` runs in a shell and must succeed; lines of output, where there are any, must appear
-  (``...`` stands for anything).
+- ``console``: what follows ``$`` runs in a shell and must succeed, or fail where ``error: `` is shown; lines of output,
+  where there are any, must appear (``...`` stands for anything).
 - ``toml NAME`` and ``csv NAME``: written to a file of that name, for the snippets after it.
 - ``rust``: compiled and run by ``cargo test --doc``, which ``rust/src/lib.rs`` tells of the document.
 - ``text``: a line to be put into a file, not run.
@@ -83,10 +83,13 @@ def run_console(text: str, place: str) -> None:
     for part in text.removeprefix("$ ").split("\n$ "):
         command, _, expected = part.partition("\n")
         done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=120, check=False)
-        assert done.returncode == 0, f"{place}: {command}\n{done.stdout}{done.stderr}"
+        # An error that is shown has to come, with its words.
+        fails = expected.startswith("error: ")
+        assert (done.returncode == 1) == fails, f"{place}: {command}\n{done.stdout}{done.stderr}"
+        found = done.stderr if fails else done.stdout
         flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-        if expected.strip() and not doctest.OutputChecker().check_output(expected, done.stdout, flags):
-            pytest.fail(f"{place}: {command}\nexpected:\n{expected}\nfound:\n{done.stdout}")
+        if expected.strip() and not doctest.OutputChecker().check_output(expected, found, flags):
+            pytest.fail(f"{place}: {command}\nexpected:\n{expected}\nfound:\n{found}")
 
 
 def anchors(document: Path) -> set[str]:
