@@ -52,6 +52,17 @@ def _held_out_table(held_out: tuple[HeldOut, ...]) -> Table:
     return errors
 
 
+def write_parameters(result: Identification, out: Path) -> list[Path]:
+    """Write the parameter file, or one for each session where numbers differ between these; returns the paths."""
+    if not result.sessions:
+        result.parameters().write(out)
+        return [out]
+    paths = [out.with_name(f"{out.stem}_{session}{out.suffix}") for session in result.sessions]
+    for session, path in zip(result.sessions, paths, strict=True):
+        result.parameters(session).write(path)
+    return paths
+
+
 def write_figures(result: Identification, stem: Path) -> list[Path]:
     """Write the figures of a result beside ``stem``; returns their paths."""
     from bha.plot import identification as plots  # noqa: PLC0415  (figures need an extra)

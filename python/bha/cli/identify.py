@@ -9,8 +9,9 @@ import click
 
 from bha.arm import Arm
 from bha.cli.common import arm_argument, json_option, print_json, progress_bar, reports_errors, say
+from bha.cli.conditions import changes_in, session_option, sessions_in, with_option
 from bha.cli.free import free_parameter
-from bha.cli.identified import show, write_figures
+from bha.cli.identified import show, write_figures, write_parameters
 from bha.cli.logs import missing_option, pressures_option, read_logs, repair_option
 from bha.cli.procedure import check_options, finish_procedure
 from bha.errors import InputError
@@ -36,6 +37,11 @@ NOT_CONVERGED = 3
               help="Parameter to estimate, section.2.mass or section.*.damping (may be repeated). "
                    "If left out: mass, stiffness, bending stiffness and damping of every section; where heads are "
                    "measured the camera's frame, too.")  # fmt: skip
+@with_option
+@session_option
+@click.option("--per-session", "per_session", metavar="PATH[=START[:LOW:HIGH]]", multiple=True,
+              help="Parameter that is estimated once a session (may be repeated); all others are shared. A file is "
+                   "written for each session.")  # fmt: skip
 @click.option("--windows", metavar="S,S",
               help="Lengths of the simulated windows, stage by stage [s]; 'all' is a whole log. Left out: 0.75,6; "
               "6,all where commands go through pneumatics or a pressure lag.")  # fmt: skip
@@ -49,7 +55,7 @@ NOT_CONVERGED = 3
 @click.option("--procedure", type=click.Choice(PROCEDURES),
               help="In place of the joint fit one procedure of the paper's section IV, in its order: stiffness "
                    "(Fig. 8), bending (Fig. 9), damping (Fig. 10).")  # fmt: skip
-@click.option("--section", "sections", type=int, multiple=True,
+@click.option("--section", "chosen", type=int, multiple=True,
               help="Section whose law a procedure finds (may be repeated); all if left out.")  # fmt: skip
 @click.option("--order", type=click.IntRange(1, HIGHEST_ORDER), default=3, show_default=True,
               help="Highest power of the spring force curve.")  # fmt: skip
@@ -61,6 +67,9 @@ def identify_command(
     out: Path | None,
     holdouts: tuple[Path, ...],
     free: tuple[str, ...],
+    withs: tuple[tuple[str, str], ...],
+    sessions: tuple[str, ...],
+    per_session: tuple[str, ...],
     windows: str | None,
     step: float | None,
     pressures: PressureSort | None,
@@ -70,7 +79,7 @@ def identify_command(
     seed: int,
     plot: bool,
     procedure: ProcedureName | None,
-    sections: tuple[int, ...],
+    chosen: tuple[int, ...],
     order: int,
     as_json: bool,
 ) -> None:
@@ -92,7 +101,7 @@ def identify_command(
                 arm,
                 read_logs(arm, logs, pressures, missing),
                 procedure,
-                sections=sections or None,
+                sections=chosen or None,
                 order=order,
                 progress=lambda text, done: bar.update(task, description=text, completed=done),
             )
@@ -101,32 +110,35 @@ def identify_command(
     lengths = None if windows is None else _windows(windows)
     settings = Settings(windows=lengths, step=step, max_iterations=max_iterations, seed=seed)
     parameters = [free_parameter(text) for text in free] or None
+    every = [*logs, *holdouts]
+    changes, of_sessions = changes_in(withs, every), sessions_in(sessions, every)
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading logs", total=1.0)
-        read = read_logs(arm, [*logs, *holdouts], pressures, missing)
+        read = read_logs(arm, every, pressures, missing)
         result = identify(
             arm,
             read[: len(logs)],
             parameters,
             holdout=read[len(logs) :],
             repair=repair,
+            changes=changes,
+            sessions=of_sessions,
+            per_session=[free_parameter(text) for text in per_session],
             settings=settings,
             progress=lambda text, done: bar.update(task, description=text, completed=done),
         )
-    if out is not None:
-        result.parameters().write(out)
+    written = [] if out is None else write_parameters(result, out)
     if plot:
-        figures = write_figures(result, stem)
+        written += write_figures(result, stem)
     if as_json:
-        print_json(result.summary() | {"recordings": [recording.to_mapping() for recording in read]})
+        recordings = [recording.to_mapping() for recording in read]
+        print_json(result.summary() | {"recordings": recordings, "written": written})
     else:
         for recording in read:
             for text in recording.notes:
                 say(f"{recording.name}: {text}")
         show(result)
-        if out is not None:
-            click.echo(f"written: {out}")
-        for path in figures if plot else ():
+        for path in written:
             click.echo(f"written: {path}")
     if not result.converged:
         sys.exit(NOT_CONVERGED)

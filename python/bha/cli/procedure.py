@@ -12,8 +12,10 @@ from bha.errors import InputError
 from bha.identification.procedures import Procedure
 
 #: Options of ``bha identify`` that belong to the joint fit, and those that belong to a procedure.
-OF_THE_FIT = ("holdouts", "free", "windows", "step", "max_iterations", "seed")
-OF_A_PROCEDURE = ("sections", "order")
+OF_THE_FIT = (
+    "holdouts", "free", "withs", "sessions", "per_session", "windows", "step", "max_iterations", "seed",
+)  # fmt: skip
+OF_A_PROCEDURE = ("chosen", "order")
 
 
 def check_options(context: click.Context, name: str | None) -> None:

@@ -104,7 +104,7 @@ def seen_times(
     made = []
     for share in SHARES if lagging else (0.0,):
         point = z.copy()
-        arm = model.arm(z, model.records[0].session)
+        arm = model.arm(z, model.records[0].condition)
         for section in range(1, arm.section_count + 1):
             seen = times(arm, section)
             if seen is None:
@@ -150,9 +150,11 @@ def _within(coordinates: Sequence[Coordinate], point: Array) -> Array:
 def _states(model: Model, z: Array, pieces: Sequence[Window]) -> Array | None:
     """Initial states of the windows as they were measured, shape (windows, 6n); None where no arm has such values."""
     try:
-        arms = {session: model.arm(z, session) for session in {rec.session for rec in model.records}}
+        arms = {condition: model.arm(z, condition) for condition in {rec.condition for rec in model.records}}
         records = [model.records[w.record] for w in pieces]
-        return np.stack([guess_state(arms[rec.session], rec, w.first) for rec, w in zip(records, pieces, strict=True)])
+        return np.stack(
+            [guess_state(arms[rec.condition], rec, w.first) for rec, w in zip(records, pieces, strict=True)]
+        )
     except BhaError:
         return None
 

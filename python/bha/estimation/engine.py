@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError, ParameterError
+from bha.estimation.conditions import Condition, check_apart, conditioned
 from bha.estimation.free import Coordinate, apply
 from bha.estimation.grid import Grid, averaged, grid_of
 from bha.estimation.records import Record, Window
@@ -57,13 +59,23 @@ class Model:
     method: Method = "rk4"
     threads: int | None = None
 
-    def arm(self, z: Array, session: str = "") -> Arm:
-        """The arm at ``z``, as logs of a session see it.
+    def __post_init__(self) -> None:
+        """Refuse numbers that are both known and free."""
+        check_apart(self.coordinates, (rec.condition for rec in self.records))
+
+    @cached_property
+    def _changed(self) -> dict[Condition, ArmParameters]:
+        return conditioned(self.parameters, (rec.condition for rec in self.records))
+
+    def arm(self, z: Array, condition: Condition = Condition()) -> Arm:  # noqa: B008  (frozen)
+        """The arm at ``z``, as logs of a condition see it.
 
         Raises:
             ParameterError: values that no arm can have.
         """
-        return Arm(apply(self.parameters, self.coordinates, z, session))
+        changed = self._changed.get(condition)
+        parameters = condition.applied(self.parameters) if changed is None else changed
+        return Arm(apply(parameters, self.coordinates, z, condition.session))
 
     def predict(self, z: Array, windows: Sequence[Window], states: Array) -> list[Array]:
         """Predicted channels of each window, shapes (rows, C); NaN from where a simulation failed.
@@ -76,7 +88,7 @@ class Model:
         arms = self._arms(z)
         if arms is None:
             return [np.full((w.last - w.first, len(self.records[w.record].channels)), np.nan) for w in windows]
-        members = [(arms[self.records[w.record].session], w, state) for w, state in zip(windows, states, strict=True)]
+        members = [(arms[self.records[w.record].condition], w, state) for w, state in zip(windows, states, strict=True)]
         return self._run(members)
 
     def predict_each(
@@ -85,7 +97,7 @@ class Model:
         """As :meth:`predict` for several points (z, initial states) abreast; None where parameters are not allowed."""
         arms = [self._arms(z) for z, _ in points]
         members = [
-            (own[self.records[w.record].session], w, state)
+            (own[self.records[w.record].condition], w, state)
             for own, (_, states) in zip(arms, points, strict=True)
             if own is not None
             for w, state in zip(windows, states, strict=True)
@@ -118,14 +130,14 @@ class Model:
         for chunk in self._chunks(windows, 1 + p + n):
             members = []
             for w in chunk:
-                session = self.records[windows[w].record].session
-                members.append((base[session], windows[w], states[w]))
+                condition = self.records[windows[w].record].condition
+                members.append((base[condition], windows[w], states[w]))
                 for k, (arms, _) in enumerate(varied):
                     scope = self.coordinates[k].sessions
-                    if not scope or session in scope:
-                        members.append((arms[session], windows[w], states[w]))
+                    if not scope or condition.session in scope:
+                        members.append((arms[condition], windows[w], states[w]))
                 members += [
-                    (base[session], windows[w], states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)
+                    (base[condition], windows[w], states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)
                 ]
             outputs = iter(self._run(members))
             for w in chunk:
@@ -144,9 +156,9 @@ class Model:
         _, upper = self.coordinates[k].bounds
         return -1.0 if z[k] + PARAMETER_STEP > upper else 1.0
 
-    def _arms(self, z: Array) -> dict[str, Arm] | None:
+    def _arms(self, z: Array) -> dict[Condition, Arm] | None:
         try:
-            return {session: self.arm(z, session) for session in {rec.session for rec in self.records}}
+            return {condition: self.arm(z, condition) for condition in self._changed}
         except ParameterError:
             return None
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import BhaError, ConvergenceError
+from bha.estimation.conditions import Condition, conditioned
 from bha.estimation.free import Coordinate, apply
 from bha.estimation.slow import SlowRecord, lag_response
 from bha.parameters import ArmParameters, paths
@@ -65,21 +66,21 @@ class HeldPoses:
         return tuple(dict.fromkeys(sort_of(output) for slow in self.records for output in slow.outputs))
 
     @cached_property
-    def _sessions(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(slow.record.session for slow in self.records))
+    def _changed(self) -> dict[Condition, ArmParameters]:
+        return conditioned(self.parameters, (slow.record.condition for slow in self.records))
 
-    def _arm(self, z: Array, session: str) -> Arm | None:
+    def _arm(self, z: Array, condition: Condition) -> Arm | None:
         try:
-            return Arm(apply(self.parameters, self.coordinates, z, session))
+            return Arm(apply(self._changed[condition], self.coordinates, z, condition.session))
         except BhaError:
             return None
 
     def held(self, z: Array, near: Sequence[Held] | None = None) -> list[Held]:
         """Where the pressures hold the arm, record by record; the search for each pose begins at that of ``near``."""
         found = []
-        arms = {session: self._arm(z, session) for session in self._sessions}
+        arms = {condition: self._arm(z, condition) for condition in self._changed}
         for k, slow in enumerate(self.records):
-            arm = arms[slow.record.session]
+            arm = arms[slow.record.condition]
             if arm is None:
                 found.append(Held(np.full((len(slow.measured), 3 * len(self.parameters.sections)), np.nan), None))
                 continue
@@ -93,13 +94,13 @@ class HeldPoses:
     def shown(self, z: Array, held: Sequence[Held]) -> list[Array]:
         """What the channels show of held poses, per record (g, C); NaN where there is none."""
         found = []
-        parameters = {session: apply(self.parameters, self.coordinates, z, session) for session in self._sessions}
-        observations: dict[tuple[str, tuple[Output, ...]], Observation] = {}
+        parameters = {c: apply(changed, self.coordinates, z, c.session) for c, changed in self._changed.items()}
+        observations: dict[tuple[Condition, tuple[Output, ...]], Observation] = {}
         for slow, own in zip(self.records, held, strict=True):
             if own.heads is None:
                 found.append(np.full(slow.measured.shape, np.nan))
                 continue
-            key = slow.record.session, slow.outputs
+            key = slow.record.condition, slow.outputs
             if key not in observations:
                 observations[key] = Observation.of(parameters[key[0]], slow.outputs)
             observation = observations[key]

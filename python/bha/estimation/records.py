@@ -8,7 +8,7 @@ simulation still passes through them.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import InputError
+from bha.estimation.conditions import Condition, changes_of
 from bha.logs import Log
 from bha.recordings import ChannelFacts, Observation, PressureSort, Recording
 from bha.recordings.aligned import COMMON
@@ -56,6 +57,7 @@ class Record:
         doubts: what the readings of each input leave open between them; none of any if empty.
         thinning: of how many rows one is compared, after low-pass filtering.
         pressure_taps: the filter that the pressures went through, None for none.
+        changes: what is known to have been otherwise of the arm, see :mod:`bha.estimation.conditions`.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Record:
     doubts: tuple[Doubt, ...] = ()
     thinning: int = 1
     pressure_taps: Array | None = None
+    changes: tuple[tuple[str, float], ...] = ()
 
     def __len__(self) -> int:
         """Number of rows compared."""
@@ -80,6 +83,11 @@ class Record:
     def time(self) -> Array:
         """Times of the rows compared, s, shape (k,)."""
         return np.asarray(self.drive.time[self.rows])
+
+    @property
+    def condition(self) -> Condition:
+        """Its session and the known changes."""
+        return Condition(self.session, self.changes)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -197,6 +205,7 @@ def record(
     pressures: PressureSort | None = None,
     name: str | None = None,
     session: str = "",
+    changes: Mapping[str, float] | None = None,
     channels: Sequence[str] | None = None,
     noise: Array | None = None,
     min_interval: float = 0.0,
@@ -211,6 +220,8 @@ def record(
             are any.
         name: what to call it; the file's name if None.
         session: session of the log, for parameters that differ between sessions.
+        changes: what is known to have been otherwise of the arm: path -> number, ``{"section.1.payload": 0.2}``
+            (:mod:`bha.estimation.conditions`).
         channels: names of the channels to compare (``q11``, ``x2``, ...); all that the log has if None.
         noise: standard deviation of each channel's noise, m; estimated if None.
         min_interval: rows closer together than this are thinned, s (0: none).
@@ -220,7 +231,11 @@ def record(
         LogError: the log lacks a pressure of the arm, or has a name that the arm's layout contradicts.
         InputError: the log has nothing to compare with, or too few rows.
     """
-    recording = log if isinstance(log, Recording) else Recording(arm, log, pressures=pressures, name=name)
+    otherwise = changes_of(changes or {})
+    as_changed = Condition(session, otherwise).applied(arm.parameters)
+    if not isinstance(log, Recording):
+        log = Recording(Arm(as_changed) if otherwise else arm, log, pressures=pressures, name=name)
+    recording = log
     origin, outputs = name or recording.name, recording.outputs
     if channels is not None and (unknown := set(channels) - set(recording.channels)):
         has = ", ".join(recording.channels) or "none"
@@ -247,13 +262,14 @@ def record(
         name=origin,
         drive=recording.drive,
         rows=recording.drive_rows[rows],
-        observation=Observation.of(arm.parameters, [outputs[k] for k in kept]),
+        observation=Observation.of(as_changed, [outputs[k] for k in kept]),
         measured=recording.measured[rows][:, kept],
         usable=recording.usable[rows][:, kept],
         facts=_with_noise(facts, deviation),
         pressure_facts=_with_noise(recording.pressure_facts, recording.pressure_noise),
         session=session,
         sha256=recording.log.sha256,
+        changes=otherwise,
     )
     return made.without(exclude) if exclude else made
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError
+from bha.estimation.conditions import Condition
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.initial import guess_state
@@ -129,7 +130,7 @@ class Refinement:
 
     def arm_of(self, session: str) -> Arm:
         """The arm at the estimate, as logs of a session see it."""
-        return self.problem.model.arm(self.outcome.point.z, session)
+        return self.problem.model.arm(self.outcome.point.z, Condition(session))
 
 
 def refine(
@@ -299,9 +300,9 @@ def _stage_problem(
 
 def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
     """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
-    arms = {rec.session: model.arm(z, rec.session) for rec in model.records}
+    arms = {rec.condition: model.arm(z, rec.condition) for rec in model.records}
     return np.stack(
-        [guess_state(arms[model.records[w.record].session], model.records[w.record], w.first) for w in pieces]
+        [guess_state(arms[model.records[w.record].condition], model.records[w.record], w.first) for w in pieces]
     )
 
 

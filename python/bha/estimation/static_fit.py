@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError, InputError, ParameterError
+from bha.estimation.conditions import check_apart, conditioned
 from bha.estimation.free import Coordinate, FreeParameter, apply, resolve
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters
@@ -98,6 +99,7 @@ def fit_poses(
     """
     optimize = import_extra("scipy.optimize", extra="identify", purpose="Fitting held poses")
     coordinates = resolve(arm.parameters, free)
+    check_apart(coordinates, (rec.condition for rec in records))
     chosen = tuple(rows) if rows is not None else tuple(_every(rec, interval) for rec in records)
     if not any(len(r) for r in chosen):
         raise InputError("no row of the logs is left to compare")
@@ -144,7 +146,8 @@ class _Poses:
         rows: tuple[NDArray[np.int64], ...],
         scale: float,
     ) -> None:
-        self._parameters, self._coordinates, self._records, self._rows = parameters, coordinates, records, rows
+        self._coordinates, self._records, self._rows = coordinates, records, rows
+        self._changed = conditioned(parameters, (rec.condition for rec in records))
         self._scale = scale
         self._pressures = [
             np.column_stack([np.interp(rec.time[r], rec.drive.time, p) for p in rec.drive.pressures.T])
@@ -158,7 +161,7 @@ class _Poses:
         for k, (rec, rows) in enumerate(zip(self._records, self._rows, strict=True)):
             error = np.full((len(rows), len(rec.channels)), np.nan)
             try:
-                arm = Arm(apply(self._parameters, self._coordinates, z, rec.session))
+                arm = Arm(apply(self._changed[rec.condition], self._coordinates, z, rec.session))
             except ParameterError:
                 found.append(error)
                 continue

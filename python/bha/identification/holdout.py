@@ -76,7 +76,7 @@ def predict(
 def _predict(arm: Arm, rec: Record, step: float | None, threads: int | None) -> Prediction:
     model = Model(arm.parameters, (), (rec,), threads=threads)
     whole, none = [Window(0, 0, len(rec))], np.zeros(0)
-    states = guess_state(arm, rec, 0)[None]
+    states = guess_state(model.arm(none, rec.condition), rec, 0)[None]
     if step is not None:
         model = replace(model, step=step)
     else:

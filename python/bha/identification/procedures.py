@@ -71,8 +71,8 @@ class Procedure:
 
     def parameters(self) -> ArmParameters:
         """The parameters with what was found, with intervals and the logs' hashes."""
-        marks = [Mark.of_error(path, *entry) for path, entry in self.found.items()]
-        return marked(self.arm.parameters, marks, self.records)
+        marks = [Mark.of_error(path, *entry, self.records) for path, entry in self.found.items()]
+        return marked(self.arm.parameters, marks)
 
     def summary(self) -> dict[str, Any]:
         """Everything as plain values, for JSON."""

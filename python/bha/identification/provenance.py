@@ -21,6 +21,7 @@ class Mark:
         standard_error: its standard error.
         told: whether logs tell it; if not it counts as assumed.
         note: what a reader must know besides, or nothing.
+        logs: the logs that it rests on.
     """
 
     path: str
@@ -28,22 +29,23 @@ class Mark:
     standard_error: float
     told: bool = True
     note: str = ""
+    logs: tuple[Record, ...] = ()
 
     @classmethod
-    def of_error(cls, path: str, value: float, standard_error: float) -> Mark:
+    def of_error(cls, path: str, value: float, standard_error: float, logs: Sequence[Record]) -> Mark:
         """A number that was found, with a normal error."""
         reach = 1.96 * standard_error
-        return cls(path, (value - reach, value + reach), standard_error)
+        return cls(path, (value - reach, value + reach), standard_error, logs=tuple(logs))
 
 
-def marked(parameters: ArmParameters, marks: Iterable[Mark], logs: Sequence[Record]) -> ArmParameters:
+def marked(parameters: ArmParameters, marks: Iterable[Mark]) -> ArmParameters:
     """The parameters with the provenance of some numbers; of a list, what else is in it counts as it stands."""
     mapping = parameters.to_mapping()
-    references = [{"name": Path(rec.name).name, "sha256": rec.sha256} for rec in logs if rec.sha256 is not None]
     done: dict[int, set[str]] = {}
     for mark in marks:
         table, key, place = paths.table_of(mapping, mark.path)
         interval, error = list(mark.interval), mark.standard_error
+        references = [{"name": Path(r.name).name, "sha256": r.sha256} for r in mark.logs if r.sha256 is not None]
         entry = table.setdefault("provenance", {})
         old = entry.get(key)
         fresh = key not in done.setdefault(id(table), set())

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
+from bha.errors import InputError
 from bha.estimation.free import Coordinate
 from bha.estimation.lags import CommonTime
 from bha.estimation.records import Record
@@ -36,6 +37,7 @@ class Estimate:
     Attributes:
         name: its path, with its sessions where it has some.
         path: its path in the parameter file.
+        sessions: the sessions whose logs it acts on; none for all.
         unit: unit of the numbers.
         start: value the fit started from.
         value: estimate.
@@ -47,6 +49,7 @@ class Estimate:
 
     name: str
     path: str
+    sessions: tuple[str, ...]
     unit: str
     start: float
     value: float
@@ -111,16 +114,32 @@ class Identification:
         )
 
     @property
+    def _records(self) -> tuple[Record, ...]:
+        return self.refinement.problem.model.records
+
+    @property
     def converged(self) -> bool:
         """Whether the fit converged."""
         return self.refinement.outcome.converged
 
+    @property
+    def sessions(self) -> tuple[str, ...]:
+        """The sessions that have numbers of their own; none where everything is shared."""
+        return tuple(dict.fromkeys(name for c in self.refinement.coordinates for name in c.sessions))
+
     def parameters(self, session: str = "") -> ArmParameters:
-        """The identified parameters, as logs of a session see them, with provenance."""
-        fitted = self.refinement.problem.model
-        logs = [rec for rec in fitted.records if not session or rec.session == session]
+        """The identified parameters, as logs of a session see them, with provenance.
+
+        Raises:
+            InputError: numbers differ between sessions, and none of these is named.
+        """
+        if self.sessions and session not in self.sessions:
+            of = ", ".join(c.name for c in self.refinement.coordinates if c.sessions)
+            raise InputError(
+                f"session {session!r}: {of} differ between sessions; name one of {', '.join(self.sessions)}"
+            )
         found = self.refinement.arm_of(session).parameters
-        return marked(found, _marks(found, self, session), logs)
+        return marked(found, _marks(found, self, session))
 
     def arm(self, session: str = "") -> Arm:
         """The identified arm."""
@@ -144,6 +163,8 @@ class Identification:
             "held_out": [_held_out_summary(h) for h in self.held_out],
             "warnings": self.warnings,
             "notes": self.notes,
+            "sessions": {name: [rec.name for rec in self._records if rec.session == name] for name in self.sessions},
+            "changes": {rec.name: dict(rec.changes) for rec in self._records if rec.changes},
             "common_times": [vars(time) for time in self.common_times],
         }
 
@@ -164,6 +185,7 @@ def identification(start: Arm, refinement: Refinement, held_out: Sequence[Record
         Estimate(
             name=c.name,
             path=c.path,
+            sessions=c.sessions,
             unit=c.unit,
             start=c.start,
             value=float(value),
@@ -257,9 +279,11 @@ def _warnings(
 
 def _marks(parameters: ArmParameters, result: Identification, session: str) -> Iterator[Mark]:
     """How well each number of the parameters, as logs of a session see them, is known."""
+    records = result.refinement.problem.model.records
     for coordinate, estimate in zip(result.refinement.coordinates, result.estimates, strict=True):
         if coordinate.sessions and session not in coordinate.sessions:
             continue
+        logs = tuple(rec for rec in records if not coordinate.sessions or rec.session in coordinate.sessions)
         if not np.isfinite(estimate.standard_error):
             continue
         for member in coordinate.members:
@@ -267,8 +291,10 @@ def _marks(parameters: ArmParameters, result: Identification, session: str) -> I
             factor = value / estimate.value if paths.is_group(coordinate.path) else 1.0
             low, high = sorted((estimate.interval[0] * factor, estimate.interval[1] * factor))
             told = _narrows(coordinate, estimate)
-            note = "" if estimate.identified else f"not told by these logs alone: {spoken(member)}"
-            yield Mark(member, (low, high), abs(estimate.standard_error * factor), told, note)
+            notes = [] if estimate.identified else [f"not told by these logs alone: {spoken(member)}"]
+            if coordinate.sessions:
+                notes.append(f"of session {' and '.join(coordinate.sessions)}: {spoken(member)}")
+            yield Mark(member, (low, high), abs(estimate.standard_error * factor), told, "; ".join(notes), logs)
 
 
 def _narrows(coordinate: Coordinate, estimate: Estimate) -> bool:

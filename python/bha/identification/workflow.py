@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from bha.arm import Arm
-from bha.checkup import checked
 from bha.errors import InputError
 from bha.estimation.apart import mean_pressures
 from bha.estimation.begin import Begin, begin
 from bha.estimation.free import FreeParameter
 from bha.estimation.lags import PATHS as LAG_PATHS
 from bha.estimation.lags import CommonTime, common_times, with_lag
-from bha.estimation.records import Record, record
+from bha.estimation.records import Record
 from bha.estimation.refinement import Settings, refine, remembers
 from bha.estimation.scale import default_free_of, scale_of
+from bha.identification.arranged import arranged, by_session
 from bha.identification.result import Identification, identification
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
@@ -32,6 +32,9 @@ def identify(
     free: Iterable[FreeParameter | str] | None = None,
     *,
     holdout: Sequence[Log | Recording | Record] = (),
+    changes: Mapping[str, Mapping[str, float]] | None = None,
+    sessions: Mapping[str, Sequence[str]] | None = None,
+    per_session: Iterable[FreeParameter | str] = (),
     pressures: PressureSort | None = None,
     repair: bool = False,
     settings: Settings | None = None,
@@ -47,6 +50,11 @@ def identify(
             (:mod:`bha.estimation.scale`, :mod:`bha.estimation.lags`): the camera's frame where all logs have all three
             coordinates of some head, areas and rest lengths where heads are all that is seen, lags of commands.
         holdout: logs that take no part in the fit and are predicted before and after it.
+        changes: what is known to have been otherwise of the arm in some logs: name of the log (its file's) -> path ->
+            number, ``{"heavy.csv": {"section.1.payload": 0.2}}``; see :mod:`bha.estimation.conditions`. Records
+            may bring theirs.
+        sessions: name of a session -> names of its logs.
+        per_session: which parameters are estimated once a session; all others are shared.
         pressures: which pressures of the logs drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
             where the first log has them.
         repair: mend first what ``bha.check`` calls a fault and a machine can mend (tubes exchanged, azimuth, camera,
@@ -59,27 +67,20 @@ def identify(
         converge is returned too, with ``converged`` false.
 
     Raises:
-        InputError: no log, a log twice, or arguments that do not fit together.
+        InputError: no log, a log twice, a number that is free and known, or arguments that do not fit together.
         LogError: a log lacks a pressure of the arm.
         ParameterError: a path the arm does not have.
         ConvergenceError: the simulation fails with the starting values.
     """
     if not logs:
         raise InputError("there is no log to identify from; give at least one")
-    records = [item if isinstance(item, Record) else None for item in (*logs, *holdout)]
-    others = [item for item in (*logs, *holdout) if not isinstance(item, Record)]
-    if repair and len(others) < len(records):
-        raise InputError("repair: records are what they are; give logs or recordings")
-    checkup = checked(arm, others, pressures=pressures, repair=repair) if others else None
-    arm = checkup.arm if checkup else arm
-    made = iter([record(arm, item) for item in checkup.recordings] if checkup else [])
-    every = [next(made) if rec is None else rec for rec in records]
-    used, held = every[: len(logs)], every[len(logs) :]
-    _check_once(used, held)
+    found = arranged(arm, logs, holdout, sessions=sessions, changes=changes, pressures=pressures, repair=repair)
+    arm, used, held = found.arm, found.used, found.held
     lagging, splits = arm, free is None
     if free is None:
         lagging, lags = with_lag(arm, used)
         free = (*default_free_of(arm.parameters, used), *lags)
+    free = by_session(free, per_session, used, held)
     settings = settings or Settings()
     start = begin(
         lagging,
@@ -93,18 +94,26 @@ def identify(
     if settings.windows is None and start.skips_short_windows:
         settings = replace(settings, windows=(None,) if remembers(lagging, used) else (6.0,))
     fit = refine(start.arm, used, start.free, settings, progress=progress)
-    found = identification(arm, fit, held)
+    result = identification(arm, fit, held)
     times = common_times(fit.arm, mean_pressures(used)) if any(rec.drive.commanded for rec in used) else ()
-    return replace(
-        found,
-        notes=(*(checkup.repairs if checkup else ()), *_notes(start, found), *map(_of_times(found), times)),
-        common_times=times,
-    )
+    notes = (*found.repairs, *_notes(start, result, used), *map(_of_times(result), times))
+    return replace(result, notes=notes, common_times=times)
 
 
-def _notes(start: Begin, found: Identification) -> list[str]:
+def _notes(start: Begin, found: Identification, used: Sequence[Record]) -> list[str]:
     """What the values rest on."""
-    notes = [scale_of(start.arm.parameters, start.free)]
+    known = [f"{rec.name} with {rec.condition.in_words()}" for rec in used if rec.changes]
+    scale = [e for e in found.estimates if e.path.endswith((".terminal_area", ".mass"))]
+    areas = any(e.path.endswith(".terminal_area") for e in scale)
+    if known and areas and all(e.identified for e in scale):
+        notes = ["the scale of forces is told by what is known to differ between the logs"]
+    else:
+        notes = [scale_of(start.arm.parameters, start.free)]
+    if known:
+        notes.append(f"known to be otherwise: {'; '.join(known)}; what is written is the arm without these changes")
+    if found.sessions:
+        apart = ", ".join(dict.fromkeys(c.path for c in found.refinement.coordinates if c.sessions))
+        notes.append(f"estimated session by session ({', '.join(found.sessions)}): {apart}; all else is shared")
     if not start.from_file:
         notes.append("the fit began at what held poses and a search over dampings say, not at the file's values")
     if len(start.arm.parameters.effects) > len(found.start.parameters.effects):
@@ -120,15 +129,3 @@ def _of_times(found: Identification) -> Callable[[CommonTime], str]:
         f"{time.across:.2g} s across its axis and {time.along:.2g} s along it; the lag alone is "
         + (f"{time.lag:.2g} s if the model's form is right" if told else "not told")
     )
-
-
-def _check_once(used: Sequence[Record], held: Sequence[Record]) -> None:
-    """A log that counts twice makes intervals too narrow; one that is fitted is no test."""
-    seen: dict[str, str] = {}
-    for rec, place in [*((r, "fitted") for r in used), *((r, "held out") for r in held)]:
-        if rec.sha256 is None:
-            continue
-        if rec.sha256 in seen:
-            text = f"{rec.name}: the same log is {seen[rec.sha256]} already"
-            raise InputError(f"{text}, and {place} again; name every log once")
-        seen[rec.sha256] = place
