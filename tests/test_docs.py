@@ -48,6 +48,7 @@ def snippets(document: Path) -> list[Token]:
 RUN = [document for document in DOCUMENTS if document.parent.name != "decisions"]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="console blocks are for a shell of POSIX")
 @pytest.mark.parametrize("document", RUN, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_snippets(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for folder in ("examples", "python"):

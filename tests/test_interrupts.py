@@ -94,6 +94,7 @@ def _run(script: str) -> str:
     return ran.stdout
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers as on Unix")
 def test_every_long_call_answers_a_signal() -> None:
     lines = _run(SCRIPT).splitlines()
     assert lines[-1] == "stepped (18,)"
@@ -182,6 +183,7 @@ def _spoilt(array: np.ndarray) -> Iterator[list[bool]]:
         signal.signal(signal.SIGALRM, before)
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers as on Unix")
 def test_arrays_may_change_while_the_core_computes() -> None:
     """The core has its own copies: another thread's writing changes nothing."""
     drive = bha.Input.constant(P, 5.0)
