@@ -185,7 +185,7 @@ def answer(group: str, *effects: tuple[str, str], noise: str = "standard", distr
 def named(*effects: tuple[str, str], parameters: dict[str, Any] | None = None, after: float = 2.1e-4) -> Verdict:
     listed = [{"kind": k, "where": w, "parameters": parameters or {}} for k, w in effects]
     gap = {"noise": 2e-4, "before": 4e-3, "after": after}
-    return Verdict("named" if listed else "no_gap", listed, gap)
+    return Verdict("named" if listed else "equivalent", listed, gap)
 
 
 def test_scores_of_hand_made_diagnoses() -> None:
@@ -202,7 +202,7 @@ def test_scores_of_hand_made_diagnoses() -> None:
             ),
             (answer("null"), named()),
             (answer("null", distributed=0.06), named(("payload", "section 1"))),
-            (answer("unknown", ("stiffness_drift", "all")), Verdict("unknown", [], {})),
+            (answer("unknown", ("stiffness_drift", "all")), Verdict("unexplained", [], {})),
             (answer("unknown", ("periodic_force", "section 1")), named(("creep", "all"))),
             (
                 answer("clutter", ("creep", "all"), ("payload", "section 1")),
@@ -231,7 +231,7 @@ def test_scores_of_hand_made_diagnoses() -> None:
     text = report(score, "title")
     assert "| single | 3 |" in text
     assert "x: no file" in text
-    assert confusion_table(score.confusion)[0].endswith("no_gap | unknown | failed |")
+    assert confusion_table(score.confusion)[0].endswith("equivalent | unexplained | failed |")
 
 
 @pytest.mark.parametrize(

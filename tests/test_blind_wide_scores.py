@@ -46,7 +46,9 @@ def sealed_answer(group: str, kinds: list[tuple[str, str]], ratio: float, **more
 
 
 def said(verdict: str, *names: tuple[str, str], faults_: tuple[str, ...] = ()) -> Said:
-    effects = [{"kind": k, "where": w, "parameters": {}} for k, w in names]
+    effects: list[dict[str, Any]] = [{"kind": k, "where": w, "parameters": {}} for k, w in names]
+    if verdict == "one_of":
+        effects = [{**effects[0], "one_of": effects[1:]}]
     return Said(verdict, effects, [{"kind": f, "where": ""} for f in faults_], 3e-3, 1.2e-3)
 
 
@@ -97,7 +99,7 @@ def test_scores_of_hand_made_diagnoses() -> None:
         ('{"verdict": "no_gap"}', "equivalent"),
         ('{"verdict": "unknown", "effects": []}', "unexplained"),
         ('{"verdict": "named", "effects": [{"kind": "creep", "where": "all"}], "gap": {"after": 1e-3}}', "named"),
-        ('{"verdict": "one_of", "one_of": [{"kind": "creep", "where": "all"}]}', "one_of"),
+        ('{"verdict": "one_of", "effects": [{"kind": "creep", "where": "all", "one_of": []}]}', "one_of"),
         ('{"verdict": "setup", "setup": ["azimuth"]}', "setup"),
         ('{"verdict": "named", "effects": []}', "failed"),
         ('{"verdict": "setup"}', "failed"),

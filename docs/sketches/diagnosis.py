@@ -44,6 +44,6 @@ with sketch(72, 40) as (figure, drawing):
         drawing.arrow((start, decide.y + decide.half_height), (box.x, box.y - box.half_height), text=word)
     fault = drawing.box(Box(66.0, 7.2, "fault", "repair", "outcome", width=10))
     drawing.arrow((setup.x + setup.half_width, 7.2), (fault.x - fault.half_width, 7.2), text="no")
-    nothing = drawing.box(Box(66.0, 17.7, "no gap", "", "outcome", width=10))
+    nothing = drawing.box(Box(66.0, 17.7, "equivalent", "", "outcome", width=10))
     drawing.arrow((gap.x + gap.half_width, 17.7), (nothing.x - nothing.half_width, 17.7), text="no")
     write_figure(figure, "diagnosis.svg")

@@ -96,7 +96,7 @@ def test_identify_and_diagnose_go_on_with_the_repair(tmp_path: Path) -> None:
     assert result.converged
     found = bha.diagnose(arm, [swapped], kinds=("weak_bellows",), repair=True)
     assert any(text.startswith("repaired, ") for text in found.setup)
-    assert found.verdict == "no_gap"
+    assert found.verdict == "equivalent"
 
 
 def test_headings_restated() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bha.checkup.finding import Explanation, Finding
-from bha.diagnosis.decide import Decision, Thresholds, is_significant, without_faults
+from bha.diagnosis.decide import Decision, Thresholds, is_significant, tolerant, without_faults
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_uncertain_parameters_excuse_errors_on_held_out_logs_only(
     assert is_significant(mean_square, limit, ratio, training, Thresholds()) is expected
 
 
-@pytest.mark.parametrize("verdict", ["named", "unknown", "no_gap"])
+@pytest.mark.parametrize("verdict", ["named", "unexplained", "equivalent"])
 def test_what_a_check_found_is_said_with_the_verdict(verdict: str) -> None:
     fault = Finding(
         "fault", "wiring", "log", "section 1 does not bend as its chambers push by the file",
@@ -36,13 +36,22 @@ def test_what_a_check_found_is_said_with_the_verdict(verdict: str) -> None:
     given = Decision(verdict, "the search's own reason", 0.5)
     assert without_faults(given, []) is given
     made = without_faults(given, [fault])
-    if verdict == "no_gap":
+    if verdict == "equivalent":
         assert made is given
         return
-    assert made.verdict == "unknown"
+    assert made.verdict == "setup"
     assert made.reason.startswith("logs and file do not belong together")
     assert (
         "together: log: section 1 does not bend as its chambers push by the file (tubes exchanged: p12 and p13)"
         in made.reason
     )
-    assert ("the search's own reason" in made.reason) == (verdict == "unknown")
+    assert ("the search's own reason" in made.reason) == (verdict == "unexplained")
+
+
+def test_what_does_not_matter_to_the_user_is_no_gap() -> None:
+    noise = 0.3e-3
+    limits = tolerant(Thresholds(), 0.4e-3, noise)
+    # Errors beyond noise add to it by squares: 0.4 beside 0.3 is 0.5 mm.
+    assert not is_significant(9.0, 1.1, 0.499e-3 / noise, 9.0, limits)
+    assert is_significant(9.0, 1.1, 0.501e-3 / noise, 9.0, limits)
+    assert tolerant(Thresholds(), 0.0, noise) == Thresholds()

@@ -8,7 +8,7 @@ from bha.diagnosis.result import Diagnosis
 from bha.errors import InputError
 
 EXAMPLE: dict[str, Any] = {
-    "schema": "bha-diagnosis/1",
+    "schema": "bha-diagnosis/2",
     "verdict": "named",
     "reason": "99 % of the excess error on held-out logs is removed",
     "effects": [
@@ -17,7 +17,8 @@ EXAMPLE: dict[str, Any] = {
             "where": "bellows 32",
             "parameters": {"tau": {"value": 0.1, "unit": "s", "ci95": [0.09, 0.11]}},
             "confidence": 0.99,
-            "confusable_with": [],
+            "alone": 0.9,
+            "one_of": [{"kind": "hysteresis", "where": "bellows 32"}],
         }
     ],
     "gap": {
@@ -61,8 +62,8 @@ def test_a_diagnosis_in_a_line() -> None:
     gap, effect = found.gap, found.effects[0]
     errors = f"{1e3 * gap.before:.3g} mm before, {1e3 * gap.after:.3g} mm after, noise {1e3 * gap.noise:.3g} mm"
     assert repr(found) == str(found) == f"Diagnosis(named: {effect.kind} at {effect.where}; {errors})"
-    none = found.model_copy(update={"verdict": "no_gap", "effects": [], "complete": False})
-    assert repr(none) == f"Diagnosis(no_gap; {errors}, interrupted)"
+    none = found.model_copy(update={"verdict": "equivalent", "effects": [], "complete": False})
+    assert repr(none) == f"Diagnosis(equivalent; {errors}, interrupted)"
 
 
 @pytest.mark.parametrize(

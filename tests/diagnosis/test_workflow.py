@@ -39,10 +39,10 @@ def test_a_hidden_effect_is_named_with_its_place_and_numbers(tmp_path: Path) -> 
     assert {path.name for path in tmp_path.iterdir()} == {"arm_diagnosed.toml", "diagnosis.json"}
 
 
-def test_an_arm_that_is_only_badly_calibrated_has_no_gap() -> None:
+def test_an_arm_that_is_only_badly_calibrated_has_equivalent() -> None:
     logs = make_logs(one_section(), [], seed=5, durations=DURATIONS)
     found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=KINDS)
-    assert found.verdict == "no_gap"
+    assert found.verdict == "equivalent"
     assert found.effects == []
     assert found.gap.after == found.gap.before
     assert found.plain["section 1 rest_length"].value == pytest.approx(0.15, rel=0.005)
@@ -54,7 +54,7 @@ def test_a_gap_outside_the_catalogue_is_not_named() -> None:
     hidden = {"kind": "pressure_lag", "where": "input p12", "parameters": {"fill": 0.15, "vent": 0.3}}
     logs = make_logs(one_section(), [hidden], seed=6, durations=DURATIONS)
     found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=("weak_bellows", "pressure_offset"))
-    assert found.verdict == "unknown"
+    assert found.verdict == "unexplained"
     assert found.effects == []
 
 
@@ -64,7 +64,7 @@ def test_a_model_that_is_far_off_from_the_start_is_not_without_gap() -> None:
     columns = {f"q1{k + 1} [m]": logs[2].lengths[:, k] + 0.5 for k in range(3)}
     columns |= {"t [s]": logs[2].time} | {f"p1{k} [Pa]": logs[2].pressures(PRODUCT.inputs)[:, k - 1] for k in (1, 2, 3)}
     found = bha.diagnose(PRODUCT, logs[:2], [bha.Log.from_arrays(columns)], kinds=("weak_bellows",))
-    assert found.verdict == "unknown"
+    assert found.verdict == "setup"  # lengths half a metre beyond their range
     assert "runs away" in found.reason
     assert found.gap.before > 0.3
 
@@ -129,6 +129,29 @@ def test_exchanged_tubes_or_sensors_are_no_physics(exchanged: tuple[str, str]) -
         logs.append(bha.Log.from_arrays(columns))
     with pytest.warns(bha.LogWarning, match="tubes exchanged: p11 and p12"):
         found = bha.diagnose(one_section(), logs[:2], logs[2:], kinds=("bending_nonlinear", "bending_damping"))
-    assert found.verdict == "unknown"
+    assert found.verdict == "setup"
     assert found.effects == []
-    assert "p11 and p12" in found.reason or "no effect" in found.reason
+    assert "p11 and p12" in found.reason
+    assert any("p11 and p12" in text and "repair: " in text for text in found.setup)
+
+
+def test_a_gap_that_does_not_matter_to_the_user_is_equivalent() -> None:
+    hidden = {"kind": "creep", "where": "bellows 12", "parameters": {"stiffness": 150.0, "tau": 0.6}}
+    logs = make_logs(one_section(), [hidden], seed=3, durations=(2.0, 2.0))
+    found = bha.diagnose(PRODUCT, logs[:1], logs[1:], kinds=("creep",), tolerance=0.05)
+    assert found.verdict == "equivalent"
+    assert found.gap.tolerance == 0.05
+    assert "does not matter" in found.reason
+    with pytest.raises(InputError, match="tolerance: found -1"):
+        bha.diagnose(PRODUCT, logs[:1], logs[1:], tolerance=-1.0)
+
+
+def test_what_logs_cannot_tell_apart_is_named_as_a_class() -> None:
+    # A single step: whether a bellows is weak or its pressure too high is the same.
+    hidden = {"kind": "pressure_offset", "where": "input p12", "parameters": {"offset": 4e3}}
+    logs = make_logs(one_section(), [hidden], seed=3, durations=(3.0, 3.0))
+    found = bha.diagnose(PRODUCT, logs[:1], logs[1:], kinds=("pressure_offset", "length_offset"))
+    assert found.has_names
+    for effect in found.effects:
+        assert effect.alone <= effect.confidence <= 1.0
+    assert (found.verdict == "one_of") == any(effect.one_of for effect in found.effects)

@@ -42,7 +42,10 @@ SAME_PLACE: dict[str, frozenset[str]] = {
     "tool_drag": frozenset({"all", "section 3"}),
     "base_tilt": frozenset({"all", "section 1"}),
 }
-OUTCOMES_ELSE = ("no_gap", "unknown", "failed")
+OUTCOMES_ELSE = ("equivalent", "unexplained", "setup", "failed")
+# What verdicts were called in earlier versions.
+EARLIER = {"no_gap": "equivalent", "unknown": "unexplained"}
+NAMES = ("named", "one_of")
 
 
 def wilson(hits: int, total: int, z: float = 1.959964) -> tuple[float, float]:
@@ -70,22 +73,22 @@ class Verdict:
     @property
     def first(self) -> str:
         """First named kind, or the verdict without a name."""
-        return str(self.effects[0]["kind"]) if self.verdict == "named" and self.effects else self.verdict
+        return str(self.effects[0]["kind"]) if self.verdict in NAMES and self.effects else self.verdict
 
 
 def read_verdict(path: Path) -> Verdict:
     """Read a ``diagnosis.json``; anything unusable becomes the verdict ``failed`` with the reason."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        verdict = str(data["verdict"])
+        verdict = EARLIER.get(str(data["verdict"]), str(data["verdict"]))
         effects = [dict(e) for e in data.get("effects", [])]
-        if verdict not in ("named", "no_gap", "unknown"):
+        if verdict not in (*NAMES, *OUTCOMES_ELSE[:-1]):
             raise ValueError(f"verdict {verdict!r}")
-        if verdict == "named" and not effects:
-            raise ValueError("verdict 'named' without an effect")
+        if verdict in NAMES and not effects:
+            raise ValueError(f"verdict {verdict!r} without an effect")
         for effect in effects:
             str(effect["kind"]), str(effect["where"])
-        return Verdict(verdict, effects if verdict == "named" else [], dict(data.get("gap") or {}))
+        return Verdict(verdict, effects if verdict in NAMES else [], dict(data.get("gap") or {}))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         return Verdict("failed", [], {}, f"{type(error).__name__}: {error}")
 
@@ -203,7 +206,7 @@ def _count_single(trial: Trial) -> None:
     for label in ("single", f"single, {trial.spec['noise']} noise"):
         score.count(f"{label}: first name right", first == kind, trial.near(first))
     score.count("single: exact set right", trial.names == trial.kinds)
-    score.count("single: abstained (no_gap or unknown)", trial.verdict.verdict in ("no_gap", "unknown"))
+    score.count("single: abstained", trial.verdict.verdict not in (*NAMES, "failed"))
     if first == kind:
         right = same_place(first, str(trial.verdict.effects[0]["where"]), trial.known[0]["where"])
         score.count("single: place right, of those named right", right)
@@ -219,18 +222,18 @@ def _count_pair(trial: Trial) -> None:
 
 
 def _count_null(trial: Trial) -> None:
-    score, spec, named = trial.score, trial.spec, trial.verdict.verdict == "named"
+    score, spec, named = trial.score, trial.spec, trial.verdict.verdict in NAMES
     variant = "distributed mass" if spec["distributed"] else ("exponential springs" if spec["hardening"] else "plain")
     score.count("null: named (wanted: none)", named)
     score.count(f"null, {variant}: named (wanted: none)", named)
-    score.count("null: verdict no_gap", trial.verdict.verdict == "no_gap")
+    score.count("null: verdict equivalent", trial.verdict.verdict == "equivalent")
     if spec["distributed"] and named:
         score.count("null, distributed mass: the name is payload", trial.names == ["payload"])
 
 
 def _count_unknown(trial: Trial) -> None:
-    trial.score.count("unknown: not named", trial.verdict.verdict in ("unknown", "no_gap"))
-    trial.score.count("unknown: verdict unknown", trial.verdict.verdict == "unknown")
+    trial.score.count("unknown: not named", trial.verdict.verdict not in (*NAMES, "failed"))
+    trial.score.count("unknown: verdict unexplained", trial.verdict.verdict == "unexplained")
 
 
 def _count_clutter(trial: Trial) -> None:

@@ -36,6 +36,8 @@ from bha.recordings import PressureSort
 @pressures_option
 @missing_option
 @repair_option
+@click.option("--tolerance", type=click.FloatRange(min=0.0), default=0.0, metavar="MM",
+              help="What does not matter: errors that exceed noise by less are no gap [mm RMS].")  # fmt: skip
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of all that is drawn at random.")
 @click.option("--threads", type=click.IntRange(min=1), help="Number of threads; all cores if left out.")
@@ -49,6 +51,7 @@ def diagnose(
     pressures: PressureSort | None,
     missing: bool,
     repair: bool,
+    tolerance: float,
     no_report: bool,
     seed: int,
     threads: int | None,
@@ -71,6 +74,7 @@ def diagnose(
             read[len(logs) :],
             out=out,
             repair=repair,
+            tolerance=1e-3 * tolerance,
             report=not no_report,
             seed=seed,
             threads=threads,
@@ -90,7 +94,7 @@ def _print(found: Diagnosis, out: Path) -> None:
     if not found.complete:
         say("Interrupted: the search is not complete; the same command goes on. So far:")
     say(f": {headline(found)}" if found.effects else f": {found.reason}", head=VERDICTS[found.verdict])
-    say(errors_in_words(found.gap, named=found.verdict == "named"))
+    say(errors_in_words(found.gap, named=found.has_names))
     for text in found.setup:
         say(text)
     for effect in found.effects:

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
@@ -54,6 +55,7 @@ def diagnose(
     pressures: PressureSort | None = None,
     repair: bool = False,
     kinds: Sequence[str] | None = None,
+    tolerance: float = 0.0,
     report: bool = True,
     seed: int = 0,
     threads: int | None = None,
@@ -77,6 +79,8 @@ def diagnose(
         repair: mend first what ``bha.check`` calls a fault and a machine can mend (tubes exchanged, azimuth, camera,
             gauge, units, gravity's sign), in memory, and diagnose what is left; what was mended stands in ``setup``.
         kinds: kinds of effects that are candidates; all of the registry if None.
+        tolerance: what does not matter, m RMS: errors on held-out logs that exceed noise by less are no gap
+            (``equivalent``), whatever causes them. With 0 the least gap that is worth a name is 1.1 times the noise.
         report: write ``report.html`` too (extra ``report``).
         seed: of all that is drawn at random.
         threads: how many threads; as many as there are cores if None.
@@ -88,7 +92,8 @@ def diagnose(
         with ``complete`` false.
 
     Raises:
-        InputError: no logs, logs without outputs or with different ones; another diagnosis is at work in ``out``,
+        InputError: no logs, a tolerance that is none, logs without outputs or with different ones; another diagnosis
+            is at work in ``out``,
             or a file of the results' names there is none of a diagnosis.
         FileError: a file cannot be written.
         LogError: a log lacks a pressure of the arm.
@@ -102,6 +107,8 @@ def diagnose(
     from bha.diagnosis import workflow, written  # noqa: PLC0415  (SciPy is an extra)
     from bha.diagnosis.cache import cache_folder  # noqa: PLC0415
 
+    if not (math.isfinite(tolerance) and tolerance >= 0.0):
+        raise InputError(f"tolerance: found {tolerance}; allowed: a finite number >= 0 (m)")
     if not logs:
         raise InputError("logs: none; at least one is needed")
     checkup = checked(arm, [*logs, *holdout], pressures=pressures, repair=repair)
@@ -120,6 +127,7 @@ def diagnose(
             progress=progress,
             cache_folder=kept,
             faults=checkup.faults,
+            tolerance=tolerance,
         )
         made = written.made_by(command, seed, train, held)
         setup = [*checkup.repairs, *outcome.diagnosis.setup]

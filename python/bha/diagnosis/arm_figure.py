@@ -46,7 +46,7 @@ def arm_figure(outcome: Investigation, arm: Arm) -> Any | None:
         arm: the arm with what was found, as ``arm_diagnosed.toml`` has it.
     """
     record, trial = outcome.holdout.problem.records[0], outcome.best
-    if outcome.diagnosis.verdict != "named":
+    if not outcome.diagnosis.has_names:
         trial = outcome.plain
     rows = np.linspace(0, len(record.rows) - 1, min(FRAMES, len(record.rows))).round().astype(int)
     lengths = _lengths(arm, record, trial.prediction.states[0], rows)

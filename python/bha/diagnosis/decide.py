@@ -1,4 +1,4 @@
-"""The verdict: no gap, a named effect, or a gap that no known effect explains. A wrong name is worse than the third.
+"""The verdict: equivalent, a named effect, or a gap that nothing known explains. A wrong name is worse than the third.
 
 What: the gap on held-out logs against what a right model with uncertain parameters would leave, and what the search
 found against it.
@@ -8,8 +8,9 @@ whitening, the middle one is added here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,6 +51,11 @@ class Thresholds:
     left: float = 2.5
     good_closure: float = 0.8
     fine: float = 100.0
+
+
+def tolerant(limits: Thresholds, tolerance: float, noise: float) -> Thresholds:
+    """The thresholds where errors beyond noise of ``tolerance``, m RMS, do not matter; ``noise`` is its RMS, m."""
+    return replace(limits, material=max(limits.material, math.hypot(1.0, tolerance / noise)))
 
 
 @dataclass(frozen=True)
@@ -113,7 +119,7 @@ class Decision:
     """Verdict and reason.
 
     Attributes:
-        verdict: ``named``, ``no_gap`` or ``unknown``.
+        verdict: ``named``, ``equivalent``, ``unexplained`` or ``setup``.
         reason: in a sentence.
         closure: share of the excess on held-out logs that the effects remove.
     """
@@ -123,11 +129,19 @@ class Decision:
     closure: float
 
 
-def decide(search: Search, gap: GapTest, left: float, limits: Thresholds) -> Decision:
-    """The verdict on a finished or interrupted search; ``left`` is the best set's RMS error over the noise's."""
+def decide(search: Search, gap: GapTest, left: float, limits: Thresholds, tolerance: float = 0.0) -> Decision:
+    """The verdict on a finished or interrupted search.
+
+    Args:
+        search: the search.
+        gap: the test of the gap.
+        left: RMS error of the best set over the noise's.
+        limits: the thresholds.
+        tolerance: what does not matter, m; for the reason.
+    """
     if not np.isfinite(gap.mean_square):
         return Decision(
-            "unknown",
+            "unexplained",
             "the re-identified plain model runs away on the held-out logs before enough of them is compared; "
             "identify the arm first (bha identify), so that the search starts near to it",
             0.0,
@@ -136,18 +150,19 @@ def decide(search: Search, gap: GapTest, left: float, limits: Thresholds) -> Dec
     closure = 1.0 - after / before if before > 0.0 else 0.0
     if not gap.significant:
         return Decision(
-            "no_gap",
+            "equivalent",
             f"on the held-out logs the re-identified plain model errs by {gap.ratio:.2f} times what noise alone makes; "
-            f"mean square of the white residual {gap.mean_square:.2f}, limit {gap.limit:.2f}",
+            f"mean square of the white residual {gap.mean_square:.2f}, limit {gap.limit:.2f}"
+            + (f"; up to {limits.material:.2f} times does not matter" if tolerance else ""),
             closure,
         )
     if not search.best.candidates:
         return Decision(
-            "unknown", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
+            "unexplained", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
         )
     if closure < limits.closure:
         return Decision(
-            "unknown",
+            "unexplained",
             f"the best known effects ({search.best.label}) remove {100 * closure:.0f} % of the excess error on held-out"
             " logs only",
             closure,
@@ -156,7 +171,7 @@ def decide(search: Search, gap: GapTest, left: float, limits: Thresholds) -> Dec
     fine = gap.ratio > limits.fine
     if closure < limits.good_closure and left > limits.left and not fine:
         return Decision(
-            "unknown",
+            "unexplained",
             f"the best known effects ({search.best.label}) leave an error of {left:.1f} times the noise "
             f"({100 * closure:.0f} % of the excess removed)",
             closure,
@@ -167,11 +182,11 @@ def decide(search: Search, gap: GapTest, left: float, limits: Thresholds) -> Dec
 
 def without_faults(verdict: Decision, faults: Sequence[Finding]) -> Decision:
     """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended."""
-    if not faults or verdict.verdict == "no_gap":
+    if not faults or verdict.verdict == "equivalent":
         return verdict
     first = faults[0]
     cause = f" ({first.explanations[0].what})" if first.explanations else ""
     more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
     where = f"{first.where}: " if first.kind == "wiring" and first.where != "all logs" else ""
     text = f"logs and file do not belong together: {where}{first.what}{cause}{more}; mend that first, see bha check"
-    return Decision("unknown", text if verdict.verdict == "named" else f"{text}; {verdict.reason}", verdict.closure)
+    return Decision("setup", text if verdict.verdict == "named" else f"{text}; {verdict.reason}", verdict.closure)

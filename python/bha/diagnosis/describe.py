@@ -21,12 +21,16 @@ from bha.diagnosis.model import EffectTerm
 from bha.diagnosis.places import nested
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
-from bha.diagnosis.result import CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
+from bha.diagnosis.result import Alternative, CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
 from bha.diagnosis.screen import Signatures
 from bha.diagnosis.select import Search
 from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
+
+#: Difference of criteria below which an effect in place of another is not told from it: twice the logarithm of the odds
+#: e^3, "positive" evidence at most in the table of Kass and Raftery (1995).
+ALIKE = 6.0
 
 
 def describe(
@@ -43,6 +47,7 @@ def describe(
     seed: int,
     records: tuple[Sequence[Record], Sequence[Record]],
     error_of: Callable[[Trial], float],
+    tolerance: float,
 ) -> Diagnosis:
     """What was found, as it is written.
 
@@ -60,6 +65,7 @@ def describe(
         seed: of what is drawn.
         records: training and held-out logs.
         error_of: open-loop error of a trial on the held-out logs, m, as ``errors`` has it.
+        tolerance: what does not matter, m.
     """
     problem = baseline.problem
     named = final.candidates if verdict.verdict == "named" else ()
@@ -71,8 +77,8 @@ def describe(
     if state.screening is not None and best:
         alike = excitation.compare(state.screening, signatures, best)
     effects = _effects(state, alike, final, uncertainty, problem, correlation, seed) if named else []
-    confused = [e.kind for e in effects if e.confusable_with]
-    confused += [c.partition(" at ")[0] for e in effects for c in e.confusable_with]
+    confused = [e.kind for e in effects if e.one_of]
+    confused += [other.kind for e in effects for other in e.one_of]
     values = {
         c.name: Estimate(
             value=c.value(float(v)),
@@ -86,8 +92,8 @@ def describe(
     train, held = records
     return Diagnosis.model_validate(
         {
-            "schema": "bha-diagnosis/1",
-            "verdict": verdict.verdict,
+            "schema": "bha-diagnosis/2",
+            "verdict": "one_of" if any(e.one_of for e in effects) else verdict.verdict,
             "reason": verdict.reason,
             "effects": effects,
             "gap": Gap(
@@ -98,6 +104,7 @@ def describe(
                 significant=gap.significant,
                 excess=max(0.0, min(gap.mean_square - gap.expected, 1e12)),
                 excess_limit=gap.limit - gap.expected,
+                tolerance=tolerance,
             ),
             "where": where,
             "candidates": lines,
@@ -193,23 +200,24 @@ def _effects(
         ]
         empirical = any(e.term.on_bound(e.x) for e in elements) or any(high < 0.0 for _, high in spans)
         rivals = _rivals(state, chosen, number, problem, correlation)
-        alike = [f"{t.key[number][0]} at {t.key[number][1]}" for t, distance in rivals if distance < 6.0]
+        alike = {t.key[number]: _alternative(t, number) for t, distance in rivals if distance < ALIKE}
         refitted = {t.key[number] for t, _ in rivals}
-        alike += [
-            f"{kind} at {where}"
-            for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]
-            if (kind, where) not in refitted
-        ]
-        shares = confidences(problem, [chosen, *(t for t, _ in rivals[:5])], seed) if rivals else np.ones(1)
-        kinds = [candidate.kind, *dict.fromkeys(a.partition(" at ")[0] for a in alike)]
+        for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
+            if (kind, where) not in refitted:
+                alike.setdefault((kind, where), Alternative(kind=kind, where=where))
+        compared = [t for t, _ in rivals[:5]]
+        shares = confidences(problem, [chosen, *compared], seed) if rivals else np.ones(1)
+        in_class = [k for k, t in enumerate(compared, start=1) if t.key[number] in alike]
+        kinds = [candidate.kind, *dict.fromkeys(kind for kind, _ in alike)]
         result.append(
             Effect(
                 kind=candidate.kind,
                 where=candidate.where,
                 parameters=parameters,
                 elements=[_numbers([e]) for e in elements] if len(elements) > 1 else [],
-                confidence=float(shares[0]),
-                confusable_with=list(dict.fromkeys(alike)),
+                confidence=min(1.0, float(shares[0] + np.sum(shares[in_class]))),
+                alone=float(shares[0]),
+                one_of=list(alike.values()),
                 empirical=empirical,
                 experiment=excitation.next_experiment(kinds, []) if alike else "",
                 gap_removed=state.shares.get(candidate.key, 0.0),
@@ -218,6 +226,15 @@ def _effects(
     # The most important one first, whatever the order in which they were found.
     result.sort(key=lambda e: -e.gap_removed)
     return _gathered(result, final.fit.model.core)
+
+
+def _alternative(trial: Trial, number: int) -> Alternative:
+    """An effect of a trial in place of a named one, with its numbers as they were refitted; without intervals."""
+    candidate, term = trial.candidates[number], trial.fit.model.effects[number]
+    values = term.parameters([float(v) for v in trial.fit.x[trial.fit.model.place(number)]])
+    units = core_ranges()
+    numbers = {name: Number(value=value, unit=units(term.kind, name)[0]) for name, value in values.items()}
+    return Alternative(kind=candidate.kind, where=candidate.where, parameters=numbers)
 
 
 def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect]:

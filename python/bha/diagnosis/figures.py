@@ -61,7 +61,7 @@ def gap_figure(found: Diagnosis) -> Any:
         ("with what is named", gap.after, AFTER),
         ("noise alone", gap.noise, NOISE),
     ]
-    if found.verdict != "named":
+    if not found.has_names:
         del rows[1]
     bars = go.Bar(
         x=[1e3 * value for _, value, _ in rows],
@@ -150,7 +150,7 @@ def trace_figure(outcome: Investigation) -> Any:
     record = outcome.holdout.problem.records[0]
     before = outcome.plain.prediction.outputs[0]
     after = outcome.best.prediction.outputs[0]
-    named = outcome.diagnosis.verdict == "named"
+    named = outcome.diagnosis.has_names
     error = np.sqrt(np.nanmean((record.measured - before) ** 2, axis=0))
     worst = sorted(np.argsort(-error)[:3].tolist())
     step = max(1, len(record.rows) // TRACE_POINTS)
@@ -194,7 +194,7 @@ def error_figure(outcome: Investigation) -> Any:
         return [round(v, 5) for v in (1e3 * np.sqrt(squares.mean(axis=1))).tolist()]
 
     lines = [("plain model", outcome.plain.prediction.outputs[0], BEFORE)]
-    if outcome.diagnosis.verdict == "named":
+    if outcome.diagnosis.has_names:
         lines.append(("with what is named", outcome.best.prediction.outputs[0], AFTER))
     figure = go.Figure(
         [
@@ -220,7 +220,7 @@ def spectrum_figure(found: Diagnosis) -> Any | None:
         return None
     go = _plotly()
     lines: list[tuple[str, str, str, str | None]] = [("plain model", "before", BEFORE, None)]
-    if found.verdict == "named":
+    if found.has_names:
         lines.append(("with what is named", "after", AFTER, None))
     lines.append(("noise alone", "noise", NOISE, "dot"))
     frequency = [round(v, 4) for v in spectrum["frequency"]]

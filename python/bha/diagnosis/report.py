@@ -26,7 +26,7 @@ body {
 h1 { font-size: 1.5rem; margin: 0.2rem 0; }
 h2 { font-size: 1.15rem; margin: 1.6rem 0 0.4rem; border-top: 1px solid var(--line); padding-top: 0.8rem; }
 .verdict { border-left: 6px solid var(--mark); padding: 0.4rem 0.9rem; background: #fafafa; }
-.named { --mark: #0072b2; } .no_gap { --mark: #009e73; } .unknown { --mark: #d55e00; }
+.named, .one_of { --mark: #0072b2; } .equivalent { --mark: #009e73; } .unexplained, .setup { --mark: #d55e00; }
 .soft { color: var(--soft); } .scroll { overflow-x: auto; }
 details { margin: 1.2rem 0; border-top: 1px solid var(--line); padding-top: 0.6rem; }
 summary { font-weight: 600; font-size: 1.1rem; cursor: pointer; }
@@ -137,7 +137,7 @@ def _head(found: Diagnosis, arm_name: str) -> str:
         f"<h1>{escape(headline(found))}</h1><p>"
         + (f"{escape(VERDICTS[found.verdict])}: {escape(names)}. " if names else "")
         + f"{escape(_capital(found.reason))}.</p>{incomplete}</div>"
-        f"<p>{escape(_capital(errors_in_words(found.gap, named=found.verdict == 'named')))}. These logs took no part "
+        f"<p>{escape(_capital(errors_in_words(found.gap, named=found.has_names)))}. These logs took no part "
         "in any fit; the plain model was identified again first.</p>"
         + "".join(f"<p>Setup: {escape(text)}.</p>" for text in found.setup)
     )

@@ -13,7 +13,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from bha.errors import InputError
 from bha.support.files import written_whole
 
-Verdict = Literal["named", "no_gap", "unknown"]
+#: ``named``: an effect, or several, each told from all others. ``one_of``: the same, but these logs cannot tell some of
+#: them from others. ``equivalent``: no gap that matters. ``unexplained``: a gap that nothing known explains. ``setup``:
+#: logs and file do not belong together, and that comes first.
+Verdict = Literal["named", "one_of", "equivalent", "unexplained", "setup"]
 
 
 def _finite(value: float) -> float:
@@ -76,6 +79,20 @@ class Made(Table):
     files: list[SourceFile] = []
 
 
+class Alternative(Table):
+    """What these logs cannot tell from a named effect.
+
+    Attributes:
+        kind: as in a parameter file.
+        where: as in a parameter file.
+        parameters: its numbers in place of the named effect's, where it was refitted; else empty.
+    """
+
+    kind: str
+    where: str
+    parameters: dict[str, Number] = {}
+
+
 class Correction(Table):
     """An effect of the same kind within the place of a named one or around it: it corrects that one's form.
 
@@ -98,8 +115,10 @@ class Effect(Table):
         elements: where several branches or stages of the kind were found in its place (creep, hysteresis, lag), the
             numbers of each; ``parameters`` then has the sums of those that add up (stiffnesses, amplitudes, time
             constants in series) and otherwise those of the first. Empty for a single one.
-        confidence: share of block-bootstrap repeats that choose it among its rivals.
-        confusable_with: kinds and places that these data cannot tell from it (``kind at place``).
+        confidence: share of block-bootstrap repeats that choose it, or what these data cannot tell from it, among its
+            rivals: the confidence of the class.
+        alone: the same of the effect alone.
+        one_of: what these data cannot tell from it, the likeliest first.
         empirical: it helps to predict, but breaks a physical rule (creates energy, sits on a bound): a term, not a
             cause.
         experiment: what would tell it from those it is confused with, empty where nothing has to.
@@ -113,7 +132,8 @@ class Effect(Table):
     parameters: dict[str, Number]
     elements: list[dict[str, Number]] = []
     confidence: Finite = Field(ge=0.0, le=1.0)
-    confusable_with: list[str] = []
+    alone: Finite = Field(default=1.0, ge=0.0, le=1.0)
+    one_of: list[Alternative] = []
     empirical: bool = False
     experiment: str = ""
     gap_removed: Finite = 0.0
@@ -121,7 +141,10 @@ class Effect(Table):
 
 
 class Gap(Table):
-    """Open-loop error on the held-out logs: of a right model, of the re-identified plain one, with the effects."""
+    """Open-loop error on the held-out logs: of a right model, of the re-identified plain one, with the effects.
+
+    ``tolerance`` is what the user said matters, m, 0 for nothing: errors beyond noise below it are no gap.
+    """
 
     metric: Literal["rms"] = "rms"
     unit: Literal["m"] = "m"
@@ -132,6 +155,7 @@ class Gap(Table):
     significant: bool
     excess: Finite = 0.0
     excess_limit: Finite = 0.0
+    tolerance: Finite = 0.0
 
 
 class CandidateLine(Table):
@@ -163,8 +187,9 @@ class Diagnosis(Table):
     """Everything a diagnosis found.
 
     Attributes:
-        verdict: ``named``, ``no_gap`` or ``unknown``.
-        effects: the named effects, the strongest first; empty unless ``named``.
+        verdict: ``named``, ``one_of``, ``equivalent``, ``unexplained`` or ``setup``.
+        effects: the named effects, the strongest first, each with what it cannot be told from; empty unless ``named``
+            or ``one_of``.
         gap: open-loop error on held-out logs.
         where: where the error of the plain model sits: by channel, section, mode, band, time and region.
         candidates: all candidates, the most promising first.
@@ -172,7 +197,7 @@ class Diagnosis(Table):
         excitation: what these logs can tell at all: classes of look-alikes, weak spots, the best next experiment.
         plain: re-identified plain parameters, each with what the file started with.
         setup: what is elsewhere than the file says without being physics of the arm (a camera), and what was repaired
-            before the diagnosis, a text each.
+            before the diagnosis; of the verdict ``setup`` the faults. A text each.
         logs: training logs, with noise and flaws of every channel.
         reason: why the verdict is what it is, in a sentence.
         complete: whether the search came to its end; false after Ctrl-C.
@@ -181,7 +206,7 @@ class Diagnosis(Table):
         schema_name: version of this schema.
     """
 
-    schema_name: Literal["bha-diagnosis/1"] = Field("bha-diagnosis/1", alias="schema")
+    schema_name: Literal["bha-diagnosis/2"] = Field("bha-diagnosis/2", alias="schema")
     verdict: Verdict
     reason: str
     effects: list[Effect]
@@ -196,6 +221,11 @@ class Diagnosis(Table):
     complete: bool = True
     seconds: Finite = 0.0
     made: Made | None = None
+
+    @property
+    def has_names(self) -> bool:
+        """Whether effects are named, told from all others or not."""
+        return self.verdict in ("named", "one_of")
 
     def __repr__(self) -> str:
         """Verdict and open-loop errors in a line."""

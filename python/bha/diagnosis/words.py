@@ -14,15 +14,17 @@ from typing import TYPE_CHECKING
 from bha.parameters import EFFECT_KINDS, Place
 
 if TYPE_CHECKING:
-    from bha.diagnosis.result import Diagnosis, Effect, Gap
+    from bha.diagnosis.result import Alternative, Diagnosis, Effect, Gap
 
 Numbers = Mapping[str, float]
 
 #: What a verdict is called.
 VERDICTS = {
     "named": "A missing effect is named",
-    "no_gap": "No significant gap",
-    "unknown": "A gap that no known effect explains",
+    "one_of": "A missing effect is found, one of a few that these logs cannot tell apart",
+    "equivalent": "Equivalent: no gap that matters",
+    "unexplained": "A gap that nothing known explains",
+    "setup": "The setup comes first: logs and file do not belong together",
 }
 #: Below this an angle, rad, or a length, m, is not worth its number.
 _NO_ANGLE, _NO_LENGTH = 1e-4, 1e-5
@@ -309,26 +311,36 @@ def effect_in_words(kind: str, where: str, numbers: Numbers) -> str:
 
 
 def headline(found: Diagnosis) -> str:
-    """The verdict in one line: what is named, in words, or the verdict's own name."""
+    """The verdict in one line: what is named, in words, with the class where it is one; or the verdict's own name."""
     if not found.effects:
         return VERDICTS[found.verdict]
-    sentences = [in_words(effect) for effect in found.effects]
+    sentences = [class_in_words(effect) for effect in found.effects]
     text = "; ".join(sentences)
     return text[0].upper() + text[1:]
 
 
-def in_words(effect: Effect) -> str:
-    """:func:`effect_in_words` of a named effect."""
+def in_words(effect: Effect | Alternative) -> str:
+    """:func:`effect_in_words` of an effect; by its name alone where its numbers are not known."""
+    if not effect.parameters and any(p.default is None for p in EFFECT_KINDS[effect.kind].parameters):
+        return f"{effect.kind} at {effect.where}"
     return effect_in_words(effect.kind, effect.where, {name: n.value for name, n in effect.parameters.items()})
 
 
-def alike_in_words(effect: Effect, most: int = 4) -> str:
-    """What a named effect cannot be told from, and what would tell; empty where nothing is as good."""
-    if not effect.confusable_with:
+def class_in_words(effect: Effect, most: int = 2) -> str:
+    """An effect with what it cannot be told from, the likeliest ones: "either ... or ..."."""
+    if not effect.one_of:
+        return in_words(effect)
+    shown = [in_words(effect), *map(in_words, effect.one_of[:most])]
+    more = len(effect.one_of) - most
+    return f"either {', or '.join(shown)}" + (f", or {more} more" if more > 0 else "")
+
+
+def alike_in_words(effect: Effect) -> str:
+    """What a named effect cannot be told from, by their names, and what would tell; empty where nothing is as good."""
+    if not effect.one_of:
         return ""
-    shown = list(effect.confusable_with[:most])
-    more = len(effect.confusable_with) - len(shown)
-    text = f"these logs cannot tell it from {' or '.join(shown)}" + (f" (and {more} more)" if more > 0 else "")
+    names = [f"{other.kind} at {other.where}" for other in effect.one_of]
+    text = f"these logs cannot tell it from {', '.join(names)}"
     return text + (f"; what would: {effect.experiment}" if effect.experiment else "")
 
 

@@ -24,7 +24,7 @@ from bha.diagnosis.baseline import (
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.camera import with_camera
 from bha.diagnosis.candidate import core_ranges
-from bha.diagnosis.decide import Thresholds, decide, gap_test, without_faults
+from bha.diagnosis.decide import Thresholds, decide, gap_test, tolerant, without_faults
 from bha.diagnosis.describe import describe
 from bha.diagnosis.engine import Engine, Job
 from bha.diagnosis.fit import Problem, evaluate, with_sensitivities
@@ -101,6 +101,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     rules: Rules | None = None,
     limits: Thresholds | None = None,
     faults: Sequence[Finding] = (),
+    tolerance: float = 0.0,
 ) -> Investigation:
     """Diagnose the arm of ``logs``; see :func:`bha.diagnose`."""
     arm, commanded = logs[0].acting, logs[0].pressures.sort == "commanded"
@@ -156,6 +157,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     say("testing the gap")
     comparable = np.isfinite(prediction.mean_square)
     before = open_loop_error(held, engine, first, prediction.until if comparable else [np.inf] * len(held))
+    limits = tolerant(limits, tolerance, noise_rms)
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
@@ -180,7 +182,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     for record, end in zip(held, until, strict=True):
         if np.isfinite(end):
             state.notes.append(f"{record.name}: compared up to {end:.1f} s; after that a model runs away")
-    verdict = without_faults(decide(state, gap, after / noise_rms, limits), faults)
+    verdict = without_faults(decide(state, gap, after / noise_rms, limits, tolerance), faults)
     errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
     final = state.best if verdict.verdict == "named" else state.plain
@@ -200,11 +202,20 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         seed,
         (train, held),
         lambda trial: open_loop_error(held, engine, trial, until),
+        tolerance,
     )
+    if verdict.verdict == "setup":
+        diagnosis = diagnosis.model_copy(update={"setup": [*map(_in_a_line, faults), *diagnosis.setup]})
     if state.complete:
         cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
     return Investigation(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
+
+
+def _in_a_line(fault: Finding) -> str:
+    """A fault with what mends it."""
+    causes = " or ".join(f"{e.what} (repair: {e.repair})" for e in fault.explanations)
+    return f"{fault.where}: {fault.what}" + (f": {causes}" if causes else "")
 
 
 def _records(

@@ -53,20 +53,18 @@ class Trial:
     def wrong(self) -> list[str]:
         """Names that are neither there nor excused."""
         kinds = {e["kind"] for e in self.true} | set(self.answer["excused"])
-        names = self.said.names
         # Of a class one member is enough.
-        if self.said.verdict == "one_of" and any(n in kinds for n in names):
-            return []
-        return [n for n in names if n not in kinds]
+        classes = [[str(e["kind"]) for e in members] for members in self.said.classes]
+        return [names[0] for names in classes if not any(n in kinds for n in names)]
 
     @property
     def first(self) -> str:
         """First name that is not excused, or the verdict."""
-        names = [n for n in self.said.names if n not in self.answer["excused"]]
-        if self.said.verdict == "one_of":
-            found = [n for n in names if n in {e["kind"] for e in self.true}]
-            return (found or names or [self.said.verdict])[0]
-        return names[0] if names else ("excused name only" if self.said.names else self.said.verdict)
+        for members in self.said.classes:
+            names = [str(e["kind"]) for e in members]
+            if names[0] not in self.answer["excused"]:
+                return next((n for n in names if n in {e["kind"] for e in self.true}), names[0])
+        return "excused name only" if self.said.names else self.said.verdict
 
     def near(self, name: str) -> bool:
         """Whether a name looks like something that is there."""
@@ -155,6 +153,7 @@ class WideScore(Score):
         self.seconds: list[float] = []
         self.cpu: list[float] = []
         self.ratios: dict[str, list[float]] = {}
+        self.class_sizes: list[float] = []
 
 
 def _failure(trial: Trial) -> str:
@@ -183,13 +182,14 @@ def score_trial(score: WideScore, trial: Trial) -> None:
         score.problems.append(f"{answer['case']} ({group}; {sensors}): {_failure(trial)}{_reason(trial)}")
     COUNTERS[group](score, trial)
     for effect in trial.true:
-        match = next((e for e in said.effects if e["kind"] == effect["kind"]), None)
+        match = next((e for members in said.classes for e in members if e["kind"] == effect["kind"]), None)
         if match is not None:
             score.count("place right, of those named right", right_place(trial, match, effect))
             compare_parameters(score, effect, match)
     for seconds, cpu in [(trial.run.seconds, trial.run.cpu)] if said.verdict != "failed" else []:
         score.seconds += [] if seconds is None else [seconds]
         score.cpu += [] if cpu is None else [cpu]
+    score.class_sizes += [float(len(members)) for members in said.classes]
     if said.after is not None:
         score.ratios.setdefault(group, []).append(said.after / answer["limits"]["true_model"])
 
@@ -224,6 +224,8 @@ def report(score: WideScore, title: str) -> str:
     if score.parameter_errors:
         lines += ["", "| parameter | cases | relative error, median (10th to 90th) |", "|---|---|---|"]
         lines += [f"| {k} | {len(v)} | {quantiles(v)} |" for k, v in sorted(score.parameter_errors.items())]
+    if score.class_sizes:
+        lines += ["", f"Effects and places in a class: {quantiles(score.class_sizes)}."]
     lines += spent(score.seconds, score.cpu)
     lines += [
         "",

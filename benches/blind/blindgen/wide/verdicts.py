@@ -1,8 +1,8 @@
-"""What the product said: today's ``diagnosis.json`` and the verdicts to come, read into one form.
+"""What the product said: a ``diagnosis.json`` of today or of earlier versions, read into one form.
 
-``no_gap`` is read as ``equivalent`` and ``unknown`` as ``unexplained``. ``one_of`` names a class: its members are in
-``effects`` (or ``one_of``). Setup faults are in ``setup`` (or ``faults``): tables with ``kind`` and ``where``, or plain
-words. Anything unusable is ``failed``, with the reason.
+``no_gap`` is read as ``equivalent`` and ``unknown`` as ``unexplained``. With ``one_of`` each effect has its class.
+Setup faults are in ``setup`` (or ``faults``): tables with ``kind`` and ``where``, or plain words. Anything unusable is
+``failed``, with the reason.
 """
 
 import json
@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..scoring import number_in
+from ..scoring import EARLIER, number_in
 
 VERDICTS = ("equivalent", "named", "one_of", "unexplained", "setup")
-TODAY = {"no_gap": "equivalent", "unknown": "unexplained"}
 # A word of the first group must be in the name that a product gives to a fault of this kind.
 FAULT_WORDS: dict[str, tuple[str, ...]] = {
     "tubes_swapped": ("tube", "chamber", "input", "pressures_swapped"),
@@ -45,6 +44,11 @@ class Said:
         return [str(e["kind"]) for e in self.effects]
 
     @property
+    def classes(self) -> list[list[dict[str, Any]]]:
+        """What is named, each with all that it was said not to be told from."""
+        return [[e, *(dict(other) for other in e.get("one_of") or [])] for e in self.effects]
+
+    @property
     def first(self) -> str:
         """First name, or the verdict without one."""
         return self.names[0] if self.effects else self.verdict
@@ -73,10 +77,10 @@ def read_said(path: Path) -> Said:
     """Read a ``diagnosis.json``."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        verdict = TODAY.get(str(data["verdict"]), str(data["verdict"]))
+        verdict = EARLIER.get(str(data["verdict"]), str(data["verdict"]))
         if verdict not in VERDICTS:
             raise ValueError(f"verdict {verdict!r}")
-        effects = [dict(e) for e in (data.get("effects") or data.get("one_of") or [])]
+        effects = [dict(e) for e in (data.get("effects") or [])]
         for effect in effects:
             str(effect["kind"]), str(effect["where"])
         if verdict in ("named", "one_of") and not effects:
