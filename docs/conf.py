@@ -49,11 +49,12 @@ nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 
-# The API. Types stand in the list of parameters, not in the signature, which would not fit on a phone.
-autodoc_typehints = "description"
-autodoc_typehints_description_target = "documented_params"
+# The API. A long signature has a line for each parameter.
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True}
+# NumPy's aliases stand for half a page of types.
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "npt.ArrayLike": "ArrayLike"}
+maximum_signature_line_length = 80
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -65,6 +66,7 @@ html_title = f"bha {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+smartquotes = False
 html_theme_options = {
     "navigation_with_keys": True,
     **(

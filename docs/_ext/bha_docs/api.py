@@ -21,9 +21,16 @@ def _skip(app: Sphinx, what: str, name: str, _member: Any, skip: bool, _options:
     return True if name in vars(BaseModel) else None
 
 
+def _undivided(_app: Sphinx, what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
+    """Keep napoleon from reading the words before a colon as the type of a property."""
+    if what in ("property", "attribute", "data") and lines:
+        lines[0] = lines[0].replace(": ", " – ")
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Add to Sphinx."""
     app.connect("autodoc-skip-member", _skip)
+    app.connect("autodoc-process-docstring", _undivided, priority=400)  # before napoleon, at 500
     # Blocks of documents that no highlighter knows: plain text.
     app.add_lexer("csv", TextLexer)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
