@@ -14,7 +14,7 @@ def show(result: Identification) -> None:
     """Print a result."""
     out = console()
     outcome = result.refinement.outcome
-    state = "converged" if outcome.converged else "NOT CONVERGED"
+    state = "INTERRUPTED" if outcome.interrupted else "converged" if outcome.converged else "NOT CONVERGED"
     say(
         f"{state} after {outcome.iterations} steps in {result.refinement.seconds:.1f} s ({outcome.message}); "
         f"{result.refinement.problem.model.method} with {1e3 * result.refinement.problem.model.step:g} ms"

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from bha.arm import Arm
-from bha.cli.common import arm_argument, json_option, print_json, progress_bar, reports_errors, say
+from bha.cli.common import INTERRUPTED, arm_argument, json_option, print_json, progress_bar, reports_errors, say
 from bha.cli.conditions import changes_in, session_option, sessions_in, with_option
 from bha.cli.free import free_parameter
 from bha.cli.identified import show, write_figures, write_parameters
@@ -89,7 +89,8 @@ def identify_command(
     inflated evenly in held steps, for bending bellows 2 and 3 evenly against bellows 1 in held steps to both sides, for
     damping free swings under constant pressures. Each begins with the file that the one before has written.
 
-    A fit that does not converge says so, keeps its best point and ends with exit code 3.
+    A fit that does not converge says so, keeps its best point and ends with exit code 3. After Ctrl-C in the fit the
+    point that it has reached is written, without intervals; the exit code is then 130.
     """
     check_target(out)  # before the work, lest it be lost
     check_options(click.get_current_context(), procedure)
@@ -112,7 +113,7 @@ def identify_command(
     parameters = [free_parameter(text) for text in free] or None
     every = [*logs, *holdouts]
     changes, of_sessions = changes_in(withs, every), sessions_in(sessions, every)
-    with progress_bar(hidden=as_json) as bar:
+    with progress_bar(hidden=as_json, time_left=False) as bar:
         task = bar.add_task("reading logs", total=1.0)
         read = read_logs(arm, every, pressures, missing)
         result = identify(
@@ -140,6 +141,10 @@ def identify_command(
         show(result)
         for path in written:
             click.echo(f"written: {path}")
+    if result.interrupted:
+        if not as_json and out is None:
+            say("nothing is written: without --out there is nothing to go on from")
+        sys.exit(INTERRUPTED)
     if not result.converged:
         sys.exit(NOT_CONVERGED)
 

@@ -184,10 +184,11 @@ class LineProgress(Progress):
         return text
 
 
-def progress_bar(*, hidden: bool = False, rate_of: str | None = None) -> Progress:
+def progress_bar(*, hidden: bool = False, rate_of: str | None = None, time_left: bool = True) -> Progress:
     """Progress on standard error: a bar with the time left, or lines where no terminal is; silent if ``hidden``.
 
-    With ``rate_of`` it says how many of these are done a second.
+    With ``rate_of`` it says how many of these are done a second. Without ``time_left`` the description says it, who
+    knows more than the speed of the bar.
     """
     errors = Console(stderr=True)
     if not hidden and not errors.is_terminal:
@@ -198,7 +199,7 @@ def progress_bar(*, hidden: bool = False, rate_of: str | None = None) -> Progres
         TaskProgressColumn(),
         *(() if rate_of is None else (RateColumn(rate_of),)),
         TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        *((TimeRemainingColumn(),) if time_left else ()),
         console=errors,
         transient=True,
         disable=hidden,

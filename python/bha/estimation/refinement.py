@@ -23,14 +23,14 @@ from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.initial import guess_state
 from bha.estimation.integration import choose_integration, too_coarse
-from bha.estimation.pressure_noise import Corrected, corrected, is_noisy, uncorrected
+from bha.estimation.pace import Pace, Progress
+from bha.estimation.pressure_noise import PAIRS, Corrected, corrected, is_noisy, uncorrected
 from bha.estimation.records import Record, Window, some_of, windows
-from bha.estimation.solver import HUBER, STATE_DEVIATION, Normal, Outcome, Point, Problem, Residuals, solve
+from bha.estimation.solver import HUBER, STATE_DEVIATION, Interrupted, Normal, Outcome, Point, Problem, Residuals, solve
 from bha.estimation.uncertainty import Uncertainty, uncertainty
 from bha.runs.options import Method
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _MEDIAN_NORMAL = 0.6745
 #: The last search ends when a step gains less than this part of the loss, or less than a hundredth.
@@ -157,6 +157,8 @@ def refine(
         ParameterError: a path the arm does not have.
         InputError: something that does not fit together.
         ConvergenceError: the simulation fails with the starting values.
+        KeyboardInterrupt: Ctrl-C before the first step has ended. Later it ends the search, and the fit so far is
+            returned: ``outcome.interrupted``, without standard errors.
     """
     began = clock.perf_counter()
     settings = settings or Settings()
@@ -164,57 +166,83 @@ def refine(
         settings = replace(settings, windows=(6.0, None) if remembers(arm, records) else (0.75, 6.0))
     coordinates = resolve(arm.parameters, free)
     model = Model(arm.parameters, coordinates, tuple(records), threads=settings.threads)
-    z = np.zeros(len(coordinates))
     mean, deviation = (np.array(v) for v in zip(*[c.prior for c in coordinates], strict=True))
-    tell = progress or (lambda _text, _fraction: None)
-    problem: Problem | None = None
-    outcome: Outcome | None = None
     stages = _stages(settings)
+    pace = _pace(model, stages, settings, progress or (lambda _text, _fraction: None))
+    reached: tuple[Problem, Outcome] | None = None
     finer: float | None = None
-    for number, (length, interval, budget) in enumerate(stages):
-        final = number == len(stages) - 1
-        label = "whole logs" if length is None else f"windows of {length:g} s"
+    searched = False
+    try:
+        for number, stage in enumerate(stages):
+            final = number == len(stages) - 1
+            staged = replace(model, records=tuple(r.thinned(stage.interval) for r in model.records))
+            z = np.zeros(len(coordinates)) if reached is None else reached[1].point.z
+            if final and reached is not None:
+                problem, states = _on_all_rows(reached[0], staged, reached[1].point)
+            else:
+                problem = _stage_problem(staged, z, (mean, deviation), stage.length, settings, stage.budget)
+                states = problem.guesses
+            pace.note("choosing the step of the integrator")
+            problem = replace(problem, model=_integrated(staged, z, problem, states, settings, finer))
+            try:
+                outcome = fit_with_scales(
+                    problem,
+                    Point(z, states),
+                    max_iterations=settings.max_iterations if final else min(12, settings.max_iterations),
+                    tolerance=_TOLERANCE if final else 1e-3,
+                    damping=1e-4 if number == 0 else 1e-7,
+                    progress=_teller(pace, stage, number),
+                )
+            except Interrupted as stopped:
+                reached = problem, stopped.outcome
+                raise
+            reached = problem.rescaled(scales(problem, outcome.point)), outcome
+            if final and settings.step is None and finer is None and too_coarse(reached[0], outcome.point):
+                # What was fine enough at the start need not be at the end, where frequencies are others.
+                finer = 0.5
+                stages.append(stage)
+                pace.work.append(pace.work[-1])
+        assert reached is not None
+        searched = True
+        problem, outcome = reached
+        outcome, known, moved = _known(problem, outcome, settings, pace)
+    except KeyboardInterrupt:
+        if reached is None or not np.isfinite(reached[1].point.cost):
+            raise  # there is nothing yet that was not there before
+        problem, outcome = reached
+        how = "interrupted before its standard errors were known" if searched else "interrupted"
+        outcome = replace(outcome, converged=searched and outcome.converged, interrupted=True, message=how)
+        known, moved = None, np.zeros_like(outcome.point.z)
+    pace.finish()
+    return Refinement(problem, outcome, known, moved, clock.perf_counter() - began)
 
-        def report(iteration: int, cost: float, number: int = number, label: str = label) -> None:
-            tell(
-                f"{label}, step {iteration + 1}, loss {cost:.4g}", (number + 1.0 - 0.75**iteration) / (len(stages) + 1)
-            )
 
-        staged = replace(model, records=tuple(r.thinned(interval) for r in model.records))
-        if final and problem is not None and outcome is not None:
-            problem, states = _on_all_rows(problem, staged, outcome.point)
-        else:
-            problem = _stage_problem(staged, z, (mean, deviation), length, settings, budget)
-            states = problem.guesses
-        tell("choosing the step of the integrator", number / (len(stages) + 1))
-        staged = _integrated(staged, z, problem, states, settings, finer)
-        problem = replace(problem, model=staged)
-        outcome = fit_with_scales(
-            problem,
-            Point(z, states),
-            max_iterations=settings.max_iterations if final else min(12, settings.max_iterations),
-            tolerance=_TOLERANCE if final else 1e-3,
-            damping=1e-4 if number == 0 else 1e-7,
-            progress=report,
-        )
-        problem = problem.rescaled(scales(problem, outcome.point))
-        z = outcome.point.z
-        if final and settings.step is None and finer is None and too_coarse(problem, outcome.point):
-            # What was fine enough at the start need not be at the end, where frequencies are others.
-            finer = 0.5
-            stages.append((length, settings.interval, None))
-    assert problem is not None
-    assert outcome is not None
-    tell("standard errors", len(stages) / (len(stages) + 1))
-    known, moved = None, np.zeros_like(z)
+def _known(
+    problem: Problem, outcome: Outcome, settings: Settings, pace: Pace
+) -> tuple[Outcome, Uncertainty | None, Array]:
+    """The outcome without what pressure noise has moved it by, how well it is known, and how far it was moved."""
+    pace.last("standard errors")
+    z, known = outcome.point.z, None
     try:
         outcome, normal, better = _without_pressure_noise(problem, outcome, settings)
-        moved = outcome.point.z - z
         known = uncertainty(problem, outcome.point, normal, better, seed=settings.seed, draws=settings.draws)
     except (ConvergenceError, np.linalg.LinAlgError) as error:
-        tell(f"standard errors: {error}", len(stages) / (len(stages) + 1))
-    tell("done", 1.0)
-    return Refinement(problem, outcome, known, moved, clock.perf_counter() - began)
+        pace.note(f"standard errors: {error}")
+    return outcome, known, outcome.point.z - z
+
+
+def _pace(model: Model, stages: Sequence[_Stage], settings: Settings, tell: Progress) -> Pace:
+    """The work of a step of each stage, in simulated seconds, and what follows the last one."""
+    sets = 1 + len(model.coordinates) + 6 * len(model.parameters.sections)
+    seconds = sum(rec.duration for rec in model.records)
+    work = [sets * (seconds if stage.budget is None else min(seconds, stage.budget)) for stage in stages]
+    noisy = settings.draws > 0 and any(rec.has_unsure_pressures for rec in model.records)
+    return Pace(tell, work, 1.0 + (2.0 * PAIRS + settings.draws / sets if noisy else 0.0))
+
+
+def _teller(pace: Pace, stage: _Stage, number: int) -> Callable[[int, float], None]:
+    label = "whole logs" if stage.length is None else f"windows of {stage.length:g} s"
+    return lambda iteration, cost: pace.step(f"{label}, step {iteration + 1}, loss {cost:.4g}", number, iteration)
 
 
 def _without_pressure_noise(
@@ -257,13 +285,22 @@ def remembers(arm: Arm, records: Sequence[Record]) -> bool:
     return lags or (commanded and arm.pneumatics_level != "ideal")
 
 
-def _stages(settings: Settings) -> list[tuple[float | None, float, float | None]]:
-    """Length of windows, interval of rows and budget of the stages: coarse and on a part first, on everything last."""
+@dataclass(frozen=True)
+class _Stage:
+    """Length of the windows, s (None: whole logs), interval of the rows, s, and most of all windows together, s."""
+
+    length: float | None
+    interval: float
+    budget: float | None
+
+
+def _stages(settings: Settings) -> list[_Stage]:
+    """Coarse and on a part first, on everything last."""
     assert settings.windows is not None
     short = (_SHORT_BUDGET if length is not None and length <= 2.0 else None for length in settings.windows)
     coarse = max(_COARSE_INTERVAL, settings.interval)
-    stages = [(length, coarse, budget) for length, budget in zip(settings.windows, short, strict=True)]
-    return [*stages, (settings.windows[-1], settings.interval, None)]
+    stages = [_Stage(length, coarse, budget) for length, budget in zip(settings.windows, short, strict=True)]
+    return [*stages, _Stage(settings.windows[-1], settings.interval, None)]
 
 
 def _on_all_rows(problem: Problem, model: Model, point: Point) -> tuple[Problem, Array]:
@@ -342,14 +379,17 @@ def fit_with_scales(
         problem = problem.rescaled(scales(problem, outcome.point))
         change = max(float(np.max(np.abs(np.log(a / b)))) for a, b in zip(problem.residuals.scale, before, strict=True))
         settled = change < _SETTLED or total > max_iterations // 2
-        outcome = solve(
-            problem,
-            outcome.point,
-            max_iterations=max_iterations - total if settled else min(3, max_iterations - total),
-            tolerance=tolerance if settled else 1e-2,
-            damping=damping,
-            progress=_shifted(progress, total),
-        )
+        try:
+            outcome = solve(
+                problem,
+                outcome.point,
+                max_iterations=max_iterations - total if settled else min(3, max_iterations - total),
+                tolerance=tolerance if settled else 1e-2,
+                damping=damping,
+                progress=_shifted(progress, total),
+            )
+        except Interrupted as stopped:
+            raise Interrupted(replace(stopped.outcome, iterations=total + stopped.outcome.iterations)) from None
         total += max(1, outcome.iterations)
         if settled:
             break

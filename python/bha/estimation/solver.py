@@ -90,6 +90,7 @@ class Outcome:
         message: why it ended.
         iterations: steps taken.
         history: loss after each step.
+        interrupted: whether Ctrl-C ended it.
     """
 
     point: Point
@@ -97,6 +98,16 @@ class Outcome:
     message: str
     iterations: int
     history: tuple[float, ...] = field(default=())
+    interrupted: bool = False
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C in a search; it hands on how far that has come."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        """``outcome``: the best point so far."""
+        super().__init__("interrupted")
+        self.outcome = outcome
 
 
 @dataclass(frozen=True)
@@ -280,6 +291,7 @@ def solve(
 
     Raises:
         ConvergenceError: the simulation fails at the start.
+        Interrupted: Ctrl-C after that.
     """
     best = problem.evaluated(start.z, start.states)
     if not np.isfinite(best.cost):
@@ -287,32 +299,36 @@ def solve(
     bounds = np.array([coordinate.bounds for coordinate in problem.model.coordinates]).reshape(-1, 2)
     history = [best.cost]
     gain = np.inf
-    for iteration in range(max_iterations):
-        if progress is not None:
-            progress(iteration, best.cost)
-        try:
-            normal = problem.normal(best, keep=True)
-        except ConvergenceError as error:
-            return Outcome(best, False, str(error), iteration, tuple(history))
-        if not (np.all(np.isfinite(normal.h)) and np.all(np.isfinite(normal.h_mixed))):
-            return Outcome(best, False, "a derivative is not finite", iteration, tuple(history))
-        gain = _expected_gain(normal, best.z, bounds, problem)
-        if gain < max(_NEGLIGIBLE, tolerance * best.cost):
-            return Outcome(best, True, "nothing left to gain", iteration, tuple(history))
-        trial = _tried(problem, normal, best, bounds, _LEAST_DAMPING)
-        bent = best.cost - trial.cost > _TRUSTED * gain
-        while not bent:
-            trial = _tried(problem, normal, best, bounds, damping)
-            if trial.cost < best.cost:
-                break
-            damping = max(10.0 * damping, 1e-6)
-            if damping > _LARGEST_DAMPING:
-                done = gain < 1e-3 * best.cost
-                message = "no step lowers the loss" + ("" if done else ", though one should")
-                return Outcome(best, done, message, iteration, tuple(history))
-        best = trial
-        history.append(best.cost)
-        damping = max(damping / 10.0, 1e-10)
+    try:
+        for iteration in range(max_iterations):
+            if progress is not None:
+                progress(iteration, best.cost)
+            try:
+                normal = problem.normal(best, keep=True)
+            except ConvergenceError as error:
+                return Outcome(best, False, str(error), iteration, tuple(history))
+            if not (np.all(np.isfinite(normal.h)) and np.all(np.isfinite(normal.h_mixed))):
+                return Outcome(best, False, "a derivative is not finite", iteration, tuple(history))
+            gain = _expected_gain(normal, best.z, bounds, problem)
+            if gain < max(_NEGLIGIBLE, tolerance * best.cost):
+                return Outcome(best, True, "nothing left to gain", iteration, tuple(history))
+            trial = _tried(problem, normal, best, bounds, _LEAST_DAMPING)
+            bent = best.cost - trial.cost > _TRUSTED * gain
+            while not bent:
+                trial = _tried(problem, normal, best, bounds, damping)
+                if trial.cost < best.cost:
+                    break
+                damping = max(10.0 * damping, 1e-6)
+                if damping > _LARGEST_DAMPING:
+                    done = gain < 1e-3 * best.cost
+                    message = "no step lowers the loss" + ("" if done else ", though one should")
+                    return Outcome(best, done, message, iteration, tuple(history))
+            best = trial
+            history.append(best.cost)
+            damping = max(damping / 10.0, 1e-10)
+    except KeyboardInterrupt:
+        stopped = Outcome(best, False, "interrupted", len(history) - 1, tuple(history), interrupted=True)
+        raise Interrupted(stopped) from None
     return Outcome(best, False, f"not converged after {max_iterations} steps", max_iterations, tuple(history))
 
 

@@ -17,16 +17,16 @@ class Mark:
 
     Attributes:
         path: where it stands.
-        interval: 95 % interval.
-        standard_error: its standard error.
+        interval: 95 % interval; None where it is not known.
+        standard_error: its standard error; None likewise.
         told: whether logs tell it; if not it counts as assumed.
         note: what a reader must know besides, or nothing.
         logs: the logs that it rests on.
     """
 
     path: str
-    interval: tuple[float, float]
-    standard_error: float
+    interval: tuple[float, float] | None
+    standard_error: float | None
     told: bool = True
     note: str = ""
     logs: tuple[Record, ...] = ()
@@ -44,7 +44,7 @@ def marked(parameters: ArmParameters, marks: Iterable[Mark]) -> ArmParameters:
     done: dict[int, set[str]] = {}
     for mark in marks:
         table, key, place = paths.table_of(mapping, mark.path)
-        interval, error = list(mark.interval), mark.standard_error
+        interval, error = None if mark.interval is None else list(mark.interval), mark.standard_error
         references = [{"name": Path(r.name).name, "sha256": r.sha256} for r in mark.logs if r.sha256 is not None]
         entry = table.setdefault("provenance", {})
         old = entry.get(key)
@@ -53,11 +53,14 @@ def marked(parameters: ArmParameters, marks: Iterable[Mark]) -> ArmParameters:
         if place is None:
             entry[key] = _entry(mark.told, interval, error, references, mark.note)
             continue
+        if interval is None:
+            entry[key] = _entry(False, None, None, references, _joined(old, mark.note, fresh))
+            continue
         values = table[key]
         if fresh or not isinstance(old, dict):
             old = _entry(mark.told, [[v, v] for v in values], [0.0] * len(values), references, mark.note)
         elif mark.note:
-            old = {**old, "source": "; ".join(filter(None, [old.get("source", ""), mark.note]))}
+            old = {**old, "source": _joined(old, mark.note, fresh)}
         if mark.told:
             old["status"] = "identified"
         old["ci95"][place] = interval
@@ -66,11 +69,18 @@ def marked(parameters: ArmParameters, marks: Iterable[Mark]) -> ArmParameters:
     return parameters.updated(mapping)
 
 
+def _joined(old: Any, note: str, fresh: bool) -> str:
+    """The notes on a list so far, and one more."""
+    before = old.get("source", "") if isinstance(old, dict) and not fresh else ""
+    return "; ".join(filter(None, [before, note]))
+
+
 def _entry(identified: bool, interval: Any, error: Any, references: list[dict[str, Any]], note: str) -> dict[str, Any]:
     entry: dict[str, Any] = {"status": "identified" if identified else "assumed"}
     if note:
         entry["source"] = note
-    entry |= {"ci95": interval, "standard_error": error}
+    if interval is not None:
+        entry |= {"ci95": interval, "standard_error": error}
     if references:
         entry["logs"] = references
     return entry

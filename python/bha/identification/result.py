@@ -123,6 +123,11 @@ class Identification:
         return self.refinement.outcome.converged
 
     @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended it; what was reached is kept."""
+        return self.refinement.outcome.interrupted
+
+    @property
     def sessions(self) -> tuple[str, ...]:
         """The sessions that have numbers of their own; none where everything is shared."""
         return tuple(dict.fromkeys(name for c in self.refinement.coordinates for name in c.sessions))
@@ -151,6 +156,7 @@ class Identification:
         return {
             "arm": self.start.name,
             "converged": outcome.converged,
+            "interrupted": outcome.interrupted,
             "message": outcome.message,
             "iterations": outcome.iterations,
             "seconds": self.refinement.seconds,
@@ -205,7 +211,8 @@ def identification(start: Arm, refinement: Refinement, held_out: Sequence[Record
         )
     )
     residuals = tuple(_left(refinement, start))
-    held = tuple(_held_out(start, refinement, held_out))
+    # Who interrupts waits for no prediction.
+    held = () if refinement.outcome.interrupted else tuple(_held_out(start, refinement, held_out))
     warnings = tuple(_warnings(refinement, estimates, unknown, residuals))
     return Identification(start, refinement, estimates, correlation, unknown, residuals, held, warnings)
 
@@ -246,9 +253,14 @@ def _warnings(
 ) -> list[str]:
     said = []
     outcome = refinement.outcome
-    if not outcome.converged:
+    if outcome.interrupted:
+        said.append(
+            f"the fit was {outcome.message}: its values are those of the best point so far, without intervals; to go "
+            "on, run the same command with the file that is written in the place of the arm's"
+        )
+    elif not outcome.converged:
         said.append(f"the fit did not converge: {outcome.message}; the values are those of its best point")
-    if refinement.uncertainty is None:
+    if refinement.uncertainty is None and not outcome.interrupted:
         said.append("standard errors could not be computed at the best point")
     for c, e, z in zip(refinement.coordinates, estimates, outcome.point.z, strict=True):
         low, high = c.range
@@ -280,18 +292,21 @@ def _warnings(
 def _marks(parameters: ArmParameters, result: Identification, session: str) -> Iterator[Mark]:
     """How well each number of the parameters, as logs of a session see them, is known."""
     records = result.refinement.problem.model.records
+    state = "interrupted" if result.interrupted else "not converged" if not result.converged else "left without errors"
     for coordinate, estimate in zip(result.refinement.coordinates, result.estimates, strict=True):
         if coordinate.sessions and session not in coordinate.sessions:
             continue
         logs = tuple(rec for rec in records if not coordinate.sessions or rec.session in coordinate.sessions)
-        if not np.isfinite(estimate.standard_error):
-            continue
         for member in coordinate.members:
             value = paths.get_value(parameters, member)
             factor = value / estimate.value if paths.is_group(coordinate.path) else 1.0
             low, high = sorted((estimate.interval[0] * factor, estimate.interval[1] * factor))
-            told = _narrows(coordinate, estimate)
-            notes = [] if estimate.identified else [f"not told by these logs alone: {spoken(member)}"]
+            if not np.isfinite(estimate.standard_error):
+                yield Mark(member, None, None, False, f"the fit was {state}: {spoken(member)}", logs)
+                continue
+            told = result.converged and _narrows(coordinate, estimate)
+            notes = [] if result.converged else [f"the fit was {state}: {spoken(member)}"]
+            notes += [] if estimate.identified else [f"not told by these logs alone: {spoken(member)}"]
             if coordinate.sessions:
                 notes.append(f"of session {' and '.join(coordinate.sessions)}: {spoken(member)}")
             yield Mark(member, (low, high), abs(estimate.standard_error * factor), told, "; ".join(notes), logs)

@@ -60,7 +60,8 @@ def identify(
         repair: mend first what ``bha.check`` calls a fault and a machine can mend (tubes exchanged, azimuth, camera,
             gauge, units, gravity's sign), in memory; what was mended stands in the notes.
         settings: how to fit.
-        progress: called with what is being done and the fraction done (a guess).
+        progress: called with what is being done, with the time that is left once steps have told the pace, and the
+            fraction done.
 
     Returns:
         Estimates with intervals, what the data do not tell, what is left, held-out errors, warnings. A fit that did not
@@ -71,6 +72,8 @@ def identify(
         LogError: a log lacks a pressure of the arm.
         ParameterError: a path the arm does not have.
         ConvergenceError: the simulation fails with the starting values.
+        KeyboardInterrupt: Ctrl-C before the first step of the fit has ended. Later it ends the fit, and what was
+            reached is returned: ``interrupted``, without standard errors, held-out logs left aside.
     """
     if not logs:
         raise InputError("there is no log to identify from; give at least one")
@@ -82,6 +85,11 @@ def identify(
         free = (*default_free_of(arm.parameters, used), *lags)
     free = by_session(free, per_session, used, held)
     settings = settings or Settings()
+
+    def rest(text: str, done: float) -> None:
+        assert progress is not None
+        progress(text, _BEGIN_SHARE + (1.0 - _BEGIN_SHARE) * done)
+
     start = begin(
         lagging,
         used,
@@ -93,7 +101,7 @@ def identify(
     )
     if settings.windows is None and start.skips_short_windows:
         settings = replace(settings, windows=(None,) if remembers(lagging, used) else (6.0,))
-    fit = refine(start.arm, used, start.free, settings, progress=progress)
+    fit = refine(start.arm, used, start.free, settings, progress=None if progress is None else rest)
     result = identification(arm, fit, held)
     times = common_times(fit.arm, mean_pressures(used)) if any(rec.drive.commanded for rec in used) else ()
     notes = (*found.repairs, *_notes(start, result, used), *map(_of_times(result), times))
