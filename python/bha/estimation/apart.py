@@ -7,6 +7,8 @@ damping over stiffness of the arm as it stands under its mean pressures, weight 
 
     c = T_along K_l / N,    c_bending = T_across K_u - c sum r^2 cos^2,
 
+and where an axial stiffness stands beside its springs (:mod:`bha.estimation.backbone`) an axial damping takes what of
+the first the second does not need, c = min(T_along K_l / N, T_across K_u / sum r^2 cos^2), c_axial = T_along K_l - N c,
 with K_l and K_u the stiffness against stretching and bending of the section alone, N bellows at radii r.
 Frame: u = psi cos(phi); q_k = l - R u cos(a_k). Limits: sections whose head is seen; others stay with one damping.
 """
@@ -53,10 +55,16 @@ class Rates:
     bellows: int
     spread: float
 
-    def dampings(self, across: float, along: float) -> tuple[float, float]:
-        """Damping of one bellows and of bending beside it, for two times, s; neither is negative."""
-        damping = max(along * self.stretching / self.bellows, 0.0)
-        return damping, max(across * self.bending - damping * self.spread, 0.0)
+    def dampings(self, across: float, along: float, *, axial: bool = False) -> tuple[float, float, float]:
+        """Damping of one bellows, and of bending and of stretching beside it, for two times, s; none is negative.
+
+        Only one of the last two is above zero, that of stretching only where ``axial`` says that there is one.
+        """
+        stretching, bending = (max(time * k, 0.0) for time, k in ((along, self.stretching), (across, self.bending)))
+        damping = stretching / self.bellows
+        if axial:
+            damping = min(damping, bending / self.spread)
+        return damping, max(bending - damping * self.spread, 0.0), stretching - damping * self.bellows
 
 
 def rates(arm: Arm, pressures: Array, section: int) -> Rates | None:

@@ -7,6 +7,7 @@ against the file's own values, and the best start wins. Priors stay those of the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
+from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
 from bha.estimation.dynamics import Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
@@ -28,6 +30,9 @@ Tell = Callable[[str, float], None]
 
 #: Sorts of channels that show an arm's motion across its base's axis, or all of it.
 _ACROSS = ("across", "length")
+#: What an axial stiffness must gain of the merit of simulations, for each channel, to be kept, and the merit of one
+#: that leaves no more than the noise.
+_GAIN, _AT_NOISE = 0.05, 0.5 * math.log(2.0)
 #: An arm that lags longer than this, s, creeps rather than swings.
 _SLOW = 0.1
 
@@ -93,26 +98,58 @@ def begin(
     if own.explains:
         return Begin(arm, _started(coordinates, file), None, own, (), True)
     tell("held poses", 0.1)
+    found = _searched(arm, free, model, whole=whole, splits=splits)
+    channels = sum(len(rec.channels) for rec in records)
+    lacks = found.tried[0].merit > (_AT_NOISE + _GAIN) * channels
+    if splits and lacks and (sections := _without_bending_stiffness(arm, found)):
+        tell("held poses with an axial stiffness", 0.5)
+        parameters, others = with_axial_stiffness(arm.parameters, free, sections)
+        other = replace(model, parameters=parameters, coordinates=resolve(parameters, others))
+        held = _searched(Arm(parameters), others, other, whole=whole, splits=splits)
+        if held.tried[0].merit < found.tried[0].merit - _GAIN * channels:
+            found = held
+    best = found.tried[0] if np.isfinite(found.tried[0].merit) else own
+    started = _started(found.coordinates, best.z)
+    return Begin(found.arm, started, found.statics, best, found.tried[1:], not np.any(best.z))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a search came to: the arm, its free parameters and statics, and the points tried, the best first."""
+
+    arm: Arm
+    coordinates: tuple[Coordinate, ...]
+    statics: Statics | None
+    tried: tuple[Trial, ...]
+
+
+def _without_bending_stiffness(arm: Arm, found: _Found) -> tuple[int, ...]:
+    return () if found.statics is None else without_bending_stiffness(arm.parameters, found.statics)
+
+
+def _searched(
+    arm: Arm, free: Sequence[FreeParameter | str], model: Model, *, whole: bool, splits: bool
+) -> _Found:
+    """Statics, then dampings and lags, from an arm's values."""
+    records, coordinates = model.records, model.coordinates
     statics = fit_statics(arm.parameters, coordinates, records)
     if statics is not None and splits:
         parameters, more = with_bending_damping(arm.parameters, apart(arm.parameters, statics))
-        arm, free = Arm(parameters), (*free, *more)
-        coordinates = resolve(parameters, free)
-        model, file = replace(model, parameters=parameters, coordinates=coordinates), np.zeros(len(coordinates))
+        arm, coordinates = Arm(parameters), resolve(parameters, (*free, *more))
+        model = replace(model, parameters=parameters, coordinates=coordinates)
+    file = np.zeros(len(coordinates))
     points = [file, *valleys(coordinates, model, file, None)]
     if statics is not None:
-        z = file.copy()
-        for place, coordinate in enumerate(coordinates):
-            if coordinate.name in statics.values:
-                z[place] = coordinate.coordinate(statics.values[coordinate.name])
-        points += valleys(coordinates, model, z, statics.lag(*_ACROSS) if _lagging(coordinates) else None)
-        points += seen_times(coordinates, model, z, partial(_times, statics, mean_pressures(records)))
-    tell("dampings and lags", 0.7)
+        for fit in (statics, *statics.rivals):
+            z = file.copy()
+            for place, coordinate in enumerate(coordinates):
+                if coordinate.name in fit.values:
+                    z[place] = coordinate.coordinate(fit.values[coordinate.name])
+            if fit is statics:
+                points += valleys(coordinates, model, z, fit.lag(*_ACROSS) if _lagging(coordinates) else None)
+            points += seen_times(coordinates, model, z, partial(_times, fit, mean_pressures(records)))
     tried = sorted(trials(model, points, whole=whole), key=lambda trial: trial.merit)
-    best = tried[0] if np.isfinite(tried[0].merit) else own
-    return Begin(
-        arm, _started(coordinates, best.z), statics, best, tuple(tried[1:]), bool(np.array_equal(best.z, file))
-    )
+    return _Found(arm, coordinates, statics, tuple(tried))
 
 
 def _times(statics: Statics, pressures: Array, arm: Arm, section: int) -> tuple[Rates, float, float] | None:

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 #: Times damping over stiffness that are tried, s, and shares of the lag seen that pressures take.
 RELAXATIONS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0)
 SHARES = (0.05, 0.35, 0.65, 0.95)
+#: Dampings of a section, and the stiffness that each belongs to.
+_HOLDS = {"damping": "stiffness", "axial_damping": "axial_stiffness"}
 #: Length of the windows, s, and of all of them together.
 _WINDOW, _BUDGET = 6.0, 36.0
 #: Rows this far apart are enough, s, and the step of the integrator.
@@ -111,11 +113,13 @@ def seen_times(
                 continue
             own, across, along = seen
             lag = share * min(across, along)
-            damping, bending = own.dampings(across - lag, along - lag)
+            axial = arm.parameters.sections[section - 1].axial_stiffness is not None
+            damping, bending, stretching = own.dampings(across - lag, along - lag, axial=axial)
             bends = [
                 k for k, effect in enumerate(arm.parameters.effects, start=1) if effect.where == f"section {section}"
             ]
-            values = {f"section.{section}.damping": damping, **{f"effect.{k}.damping": bending for k in bends}}
+            values = {f"section.{section}.damping": damping, f"section.{section}.axial_damping": stretching}
+            values |= {f"effect.{k}.damping": bending for k in bends}
             values |= dict.fromkeys(PATHS, lag) if lagging else {}
             for k, coordinate in enumerate(coordinates):
                 if coordinate.path in values:
@@ -125,21 +129,22 @@ def seen_times(
 
 
 def _is_damping(coordinate: Coordinate) -> bool:
-    """Whether it is a damping of bellows."""
-    return paths.key_of(coordinate.members[0]) == "damping" and coordinate.members[0].startswith("section.")
+    """Whether it is a damping of bellows, or of the mean length."""
+    return paths.key_of(coordinate.members[0]) in _HOLDS and coordinate.members[0].startswith("section.")
 
 
 def _damped(
     coordinate: Coordinate, coordinates: Sequence[Coordinate], model: Model, z: Array, relaxation: float
 ) -> float:
     """The coordinate at which a section's damping is its stiffness times a time."""
-    step = coordinate.members[0].split(".")[1]
-    section = model.parameters.sections[int(step) - 1]
-    own = [c for c in coordinates if c.path == f"section.{step}.stiffness.1"]
-    stiffness = own[0].value(float(z[list(coordinates).index(own[0])])) if own else section.stiffness[0]
+    step, key = coordinate.members[0].split(".")[1], paths.key_of(coordinate.members[0])
+    section, holds = model.parameters.sections[int(step) - 1], _HOLDS[key]
+    own = [c for c in coordinates if c.path == f"section.{step}.{holds}.1"]
+    stated = (getattr(section, holds) or (0.0,))[0]
+    stiffness = own[0].value(float(z[list(coordinates).index(own[0])])) if own else stated
     damping = max(stiffness, 1e-9) * relaxation
     group = paths.is_group(coordinate.path)
-    return coordinate.coordinate(damping / max(section.damping, 1e-12) if group else damping)
+    return coordinate.coordinate(damping / max(getattr(section, key), 1e-12) if group else damping)
 
 
 def _within(coordinates: Sequence[Coordinate], point: Array) -> Array:

@@ -38,7 +38,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "rest_length": (5e-3, 2.0),
     "damping": (0.0, 1e4),
     "axial_rest_length": (5e-3, 2.0),
-    "axial_damping": (0.0, 1e4),
+    "axial_damping": (0.0, 1e6),
     "bending_plane": (-2.0 * math.pi, 2.0 * math.pi),
     "ambient_pressure": (6e4, 1.1e5),
     "base_offset": (0.0, 0.5),

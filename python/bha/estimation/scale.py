@@ -23,8 +23,8 @@ from bha.parameters import ArmParameters, SectionParameters, paths
 
 #: Standard deviation of ln(mass) of an arm that was weighed, and of ln(area) of one that was not measured.
 WEIGHED, AREA = 0.05, math.log(3.0)
-#: The same of a stiffness and of a damping: a factor of ten and of thirty.
-STIFFNESS, DAMPING = math.log(10.0), math.log(30.0)
+#: The same of a stiffness and of a damping: guesses are starts, and must not weigh in the scale.
+STIFFNESS, DAMPING = math.log(1e6), math.log(1e6)
 #: Standard deviation of a bending stiffness, in itself or what the springs bend, whichever is greater.
 BENDING = 10.0
 #: Standard deviations of a rest length, and of where the mass hangs, in rest lengths.

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -33,14 +33,15 @@ Array = NDArray[np.float64]
 STATIC_KEYS = frozenset(
     {
         "mass", "stiffness", "bending_stiffness", "terminal_area", "rest_length", "radius", "bellows_radius",
-        "base_offset", "head_offset", "center_of_mass", "gravity", "ambient_pressure", "camera_position",
+        "axial_stiffness", "axial_rest_length", "base_offset", "head_offset", "center_of_mass", "gravity", "ambient_pressure", "camera_position",
         "camera_rotation", "offset", "angle",
     }
 )  # fmt: skip
-#: The net: factors on stiffness, on A/k and on k_bend/k.
+#: The net: factors on stiffness, on A/k, on k_bend/k and, where it is free, on K/k of an axial stiffness K.
 _STIFFNESS_FACTORS = (1 / 30, 1 / 10, 1 / 3, 1.0, 3.0, 10.0, 30.0)
 _AREA_FACTORS = (1 / 9, 1 / 3, 1.0, 3.0, 9.0)
 _BENDING_FACTORS = (0.1, 1.0, 10.0)
+_AXIAL_FACTORS = (1.0, 4.0, 16.0, 64.0)
 #: Lags that are tried at each point of the net, s.
 _LAGS = (0.0, 0.1, 0.3, 1.0, 3.0)
 _LEAST_LAG, _GREATEST_LAG = 1e-3, 30.0
@@ -50,6 +51,8 @@ TURN = "sensors.camera_rotation.z"
 _NET_CELLS, _SEARCH_CELLS, _LAST_CELLS = 90, 240, 700
 #: Least step of a grid, s, and how many points of the net are refined.
 _LEAST_STEP, _STARTS = 0.05, 4
+#: How much worse, in merit for each channel, a rival may be.
+_RIVAL = 0.1
 #: Huber's constant in scales; a pose that is not held counts as so many scales.
 _HUBER, _NOT_HELD = 3.0, 30.0
 #: Standard deviation of the prior on the logarithm of a lag, about this lag, s.
@@ -68,7 +71,9 @@ class Statics:
         sorts: the sorts: ``"across"``, ``"along"`` or ``"length"``, and the section.
         spread: robust spread of what is left, m, the root mean square over channels.
         merit: sum over channels of the logarithm of the spread: the smaller, the better.
+        channels: how many channels these are.
         converged: whether nothing was left to gain.
+        rivals: other fits that statics alone hardly tell from this one; a simulation may.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -77,7 +82,9 @@ class Statics:
     sorts: tuple[tuple[str, int], ...]
     spread: float
     merit: float
+    channels: int
     converged: bool
+    rivals: tuple[Statics, ...] = ()
 
     @property
     def values(self) -> dict[str, float]:
@@ -103,14 +110,28 @@ def fit_statics(
     if not own:
         return None
     net = _poses(parameters, own, records, _NET_CELLS)
-    starts = _net(net)[:_STARTS]
+    starts = _starts(net, _net(net))
     search = _poses(parameters, own, records, _SEARCH_CELLS)
     found = [fit for z, lags in starts if (fit := _refined(search, z, lags, 1, tolerance=1e-2)) is not None]
     if not found:
         return None
-    best = min(found, key=lambda fit: fit.merit)
-    best = _refined(search, best.z, best.lags, 2) or best
-    return _refined(_poses(parameters, own, records, _LAST_CELLS), best.z, best.lags, 2) or best
+    found.sort(key=lambda fit: fit.merit)
+    best = _refined(search, found[0].z, found[0].lags, 2) or found[0]
+    best = _refined(_poses(parameters, own, records, _LAST_CELLS), best.z, best.lags, 2) or best
+    near = found[0].merit + _RIVAL * found[0].channels
+    return replace(best, rivals=tuple(fit for fit in found[1:] if fit.merit < near))
+
+
+def _starts(poses: HeldPoses, points: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array]]:
+    """The best points; where an axial stiffness is free the best of each of its factors, for it is told badly."""
+    axial = [k for k, c in enumerate(poses.coordinates) if c.path.endswith(".axial_stiffness.1")]
+    springs = [k for k, c in enumerate(poses.coordinates) if c.path.endswith(".stiffness.1") and k not in axial]
+    if not axial or not springs:
+        return list(points[:_STARTS])
+    best: dict[float, tuple[Array, Array]] = {}
+    for z, lags in points:
+        best.setdefault(round(float(z[axial[0]] - z[springs[0]]), 3), (z, lags))
+    return list(best.values())
 
 
 def _poses(
@@ -124,8 +145,11 @@ def _net(poses: HeldPoses) -> list[tuple[Array, Array]]:
     """Points of the net with their lags, the best first."""
     bounds = np.array([c.bounds for c in poses.coordinates])
     tried: list[tuple[float, Array, Array]] = []
-    for stiffness, area, bending in product(_STIFFNESS_FACTORS, _AREA_FACTORS, _BENDING_FACTORS):
+    keys = {paths.key_of(c.members[0]) for c in poses.coordinates}
+    axials = _AXIAL_FACTORS if "axial_stiffness" in keys else (1.0,)
+    for stiffness, area, bending, axial in product(_STIFFNESS_FACTORS, _AREA_FACTORS, _BENDING_FACTORS, axials):
         factors = {"stiffness": stiffness, "terminal_area": stiffness * area, "bending_stiffness": stiffness * bending}
+        factors["axial_stiffness"] = stiffness * axial
         z = np.array([_moved(c, factors.get(paths.key_of(c.members[0]), 1.0)) for c in poses.coordinates])
         z = np.clip(z, bounds[:, 0], bounds[:, 1])
         if any(np.allclose(z, other) for _, other, _ in tried):
@@ -290,7 +314,7 @@ def _refined(poses: HeldPoses, z: Array, lags: Array, rounds: int, *, tolerance:
         return None
     spreads = [_spread(column) for table in _errors(poses, shown) for column in table.T if np.isfinite(column).any()]
     spread = float(np.sqrt(np.mean(np.square(spreads))))
-    return Statics(poses.coordinates, z, lags, poses.sorts, spread, merit, done)
+    return Statics(poses.coordinates, z, lags, poses.sorts, spread, merit, len(spreads), done)
 
 
 def _scales(poses: HeldPoses, held: Sequence[Held], z: Array, lags: Array) -> list[Array] | None:
