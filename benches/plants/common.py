@@ -127,6 +127,7 @@ def arm_file(guess: Guess, setup: Setup, name: str) -> str:
         f'name = "{name}"',
         f"gravity = [{', '.join(f'{g:g}' for g in guess.gravity)}]",
         f"ambient_pressure = {AMBIENT}",
+        'force_model = "work_conjugate"',  # as ``bha new`` writes it
         "",
         "[[section]]",
         f"mass = {guess.mass:.4g}",

@@ -145,15 +145,19 @@ def _net(poses: HeldPoses) -> list[tuple[Array, Array]]:
     """Points of the net with their lags, the best first."""
     bounds = np.array([c.bounds for c in poses.coordinates])
     tried: list[tuple[float, Array, Array]] = []
+    seen: set[bytes] = set()
     keys = {paths.key_of(c.members[0]) for c in poses.coordinates}
+    bendings = _BENDING_FACTORS if "bending_stiffness" in keys else (1.0,)
     axials = _AXIAL_FACTORS if "axial_stiffness" in keys else (1.0,)
-    for stiffness, area, bending, axial in product(_STIFFNESS_FACTORS, _AREA_FACTORS, _BENDING_FACTORS, axials):
+    for stiffness, area, bending, axial in product(_STIFFNESS_FACTORS, _AREA_FACTORS, bendings, axials):
         factors = {"stiffness": stiffness, "terminal_area": stiffness * area, "bending_stiffness": stiffness * bending}
         factors["axial_stiffness"] = stiffness * axial
         z = np.array([_moved(c, factors.get(paths.key_of(c.members[0]), 1.0)) for c in poses.coordinates])
         z = np.clip(z, bounds[:, 0], bounds[:, 1])
-        if any(np.allclose(z, other) for _, other, _ in tried):
+        # What bounds or published values hold makes points alike.
+        if (same := np.round(z, 6).tobytes()) in seen:
             continue
+        seen.add(same)
         held = poses.held(z)
         for point in (z, _turned(poses, z, poses.shown(z, held))):
             resting = poses.shown(point, held)
