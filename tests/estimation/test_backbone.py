@@ -1,4 +1,4 @@
-"""Arms stiff in length and soft in bending: an axial stiffness where springs cannot say both, and never beside k_bend."""
+"""Arms stiff in length and soft in bending: an axial stiffness where springs cannot say both."""
 
 from __future__ import annotations
 

@@ -5,9 +5,9 @@ a stiffness against stretching, sum k + K, and one against bending, sum k r^2 co
 bending stiffness k_bend >= 0 says the second where it is more than the springs make; where it is less (fabric that
 hardly lengthens, a sleeve, a backbone) an axial stiffness K says the first. Never both: only two of the three numbers
 are told. The statics (:mod:`bha.estimation.statics`) end near k_bend = 0 there, and simulations judge whether K is
-better (:mod:`bha.estimation.begin`).
-Damping follows: that of the bellows for bending, an axial damping for the rest of the stretching.
-Limits: one driven chamber tells both numbers by its pressure's area, and that by the scale (:mod:`bha.estimation.scale`).
+better (:mod:`bha.estimation.begin`). Damping follows: that of the bellows for bending, an axial damping for the rest of
+the stretching.
+Limits: one driven chamber tells both by its area, and the area by the scale (:mod:`bha.estimation.scale`).
 """
 
 from __future__ import annotations

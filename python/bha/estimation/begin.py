@@ -127,9 +127,7 @@ def _without_bending_stiffness(arm: Arm, found: _Found) -> tuple[int, ...]:
     return () if found.statics is None else without_bending_stiffness(arm.parameters, found.statics)
 
 
-def _searched(
-    arm: Arm, free: Sequence[FreeParameter | str], model: Model, *, whole: bool, splits: bool
-) -> _Found:
+def _searched(arm: Arm, free: Sequence[FreeParameter | str], model: Model, *, whole: bool, splits: bool) -> _Found:
     """Statics, then dampings and lags, from an arm's values."""
     records, coordinates = model.records, model.coordinates
     statics = fit_statics(arm.parameters, coordinates, records)

@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 STATIC_KEYS = frozenset(
     {
         "mass", "stiffness", "bending_stiffness", "terminal_area", "rest_length", "radius", "bellows_radius",
-        "axial_stiffness", "axial_rest_length", "base_offset", "head_offset", "center_of_mass", "gravity", "ambient_pressure", "camera_position",
-        "camera_rotation", "offset", "angle",
+        "axial_stiffness", "axial_rest_length", "base_offset", "head_offset", "center_of_mass", "gravity",
+        "ambient_pressure", "camera_position", "camera_rotation", "offset", "angle",
     }
 )  # fmt: skip
 #: The net: factors on stiffness, on A/k, on k_bend/k and, where it is free, on K/k of an axial stiffness K.
