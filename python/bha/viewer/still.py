@@ -28,7 +28,7 @@ _ELEVATION, _AZIMUTH, _LIGHT, _DARK = 14.0, -60.0, (0.3, -0.5, 0.8), 0.45
 #: Opacity of arms beside the first one.
 _BESIDE = 0.25
 #: Half of the side of the cube that is seen, over the arm's length, and where its middle is along it.
-_HALF, _MIDDLE = 0.62, 0.5
+_HALF, _MIDDLE = 0.7, 0.62
 PASCAL_PER_KILOPASCAL = 1e3
 
 
@@ -69,6 +69,7 @@ class Still:
             limit(middle[k] - _HALF * size, middle[k] + _HALF * size)
         axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.12)
         axes.view_init(elev=_ELEVATION, azim=_AZIMUTH)
+        axes.set_proj_type("ortho")
         axes.set_axis_off()
         length = 1.5 * self._layout.width
         for k, color in enumerate(("#d62728", "#2ca02c", "#1f4fd6")):
@@ -147,4 +148,8 @@ class Still:
         paint = np.empty((*bright.shape, 4))
         paint[..., :3] = bright[..., None] * colors[:, None] / 255.0
         paint[..., 3] = opacity
-        return corners.reshape(-1, 3, 3), paint.reshape(-1, 4)
+        # What is turned away from the eye is hidden by the rest of its body: drawn, it could be sorted before that.
+        elevation, azimuth = np.radians((_ELEVATION, _AZIMUTH))
+        eye = (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation))
+        seen = normals @ np.array(eye) > 0.0
+        return corners[seen], paint[seen]
