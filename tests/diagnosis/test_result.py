@@ -66,6 +66,19 @@ def test_a_diagnosis_in_a_line() -> None:
     assert repr(none) == f"Diagnosis(equivalent; {errors}, interrupted)"
 
 
+def test_a_diagnosis_in_a_notebook_and_as_a_table() -> None:
+    found = Diagnosis.model_validate({**EXAMPLE, "reason": "a <b> b"})
+    shown = found._repr_html_()
+    assert '<td style="text-align:left">bellows 32</td>' in shown
+    assert "tau 0.1 s" in shown
+    assert "a &lt;b&gt; b" in shown
+    assert "<table>" not in found.model_copy(update={"effects": []})._repr_html_()
+    pytest.importorskip("pandas")
+    table = found.to_pandas()
+    assert table["kind"].tolist() == ["creep"]
+    assert table["holdout"].tolist() == [2.2e-4]
+
+
 @pytest.mark.parametrize(
     "change",
     [{"verdict": "perhaps"}, {"surprise": 1}, {"gap": {**EXAMPLE["gap"], "after": float("nan")}}],

@@ -51,6 +51,19 @@ def test_parameter_file_says_what_was_identified(result: Identification, files: 
     assert section.provenance.get("rest_length") is None
 
 
+def test_estimates_in_a_notebook_and_as_a_table(result: Identification) -> None:
+    shown = result._repr_html_()
+    assert shown.count("<tr>") == len(FREE) + 1
+    assert all(f">{name}</td>" in shown for name in FREE)
+    pytest.importorskip("pandas")
+    table = result.to_pandas()
+    assert list(table.index) == [estimate.name for estimate in result.estimates]
+    mass = next(estimate for estimate in result.estimates if estimate.name == "section.1.mass")
+    assert (table.loc["section.1.mass", "value"], table.loc["section.1.mass", "unit"]) == (mass.value, "kg")
+    assert tuple(table.loc["section.1.mass", ["low", "high"]]) == mass.interval
+    assert table.loc["section.1.mass", "identified"]
+
+
 def test_held_out_error_is_the_noise(result: Identification) -> None:
     (held,) = result.held_out
     assert held.after.rms == pytest.approx(held.after.record.noise, rel=0.15)

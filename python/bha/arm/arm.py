@@ -15,6 +15,7 @@ from bha.arm.wrench import Wrench
 from bha.arrays import floats
 from bha.errors import InputError
 from bha.parameters import ArmParameters, EffectParameters, ForceModel, PneumaticsLevel, paths
+from bha.support.shown import html_table, span
 
 _Arm = TypeVar("_Arm", bound="Arm")
 
@@ -227,6 +228,29 @@ class Arm(_core.Arm):
             f"<Arm {self.name!r}: {count} section{'s' if count != 1 else ''}, {len(self.inputs)} inputs, "
             f"{self._parameters.force_model}>"
         )
+
+    def _repr_html_(self) -> str:
+        """Its sections, for notebooks."""
+        rows = []
+        for number, section in enumerate(self._parameters.sections, start=1):
+            bellows = section.resolved_bellows(number)
+            rows.append(
+                (
+                    number,
+                    section.total_mass,
+                    section.rest_length,
+                    len(bellows),
+                    ", ".join(dict.fromkeys(b.input for b in bellows)),
+                    section.bellows_radius,
+                    span(*section.length_range),
+                    span(*section.pressure_range),
+                )
+            )
+        headings = ("section", "mass [kg]", "rest length [m]", "bellows", "inputs", "radius [m]", "lengths [m]",
+                    "pressures [Pa]")  # fmt: skip
+        effects = [f"effect: {effect.kind} at {effect.where}" for effect in self._parameters.effects]
+        title = f"Arm {self.name}, {self._parameters.force_model}, pneumatics {self.pneumatics_level}"
+        return html_table(title, headings, rows, notes=effects)
 
 
 def _built(cls: type[_Arm], parameters: ArmParameters) -> _Arm:

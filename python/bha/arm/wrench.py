@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from bha.arrays import floats
 from bha.errors import InputError
+from bha.support.shown import short_repr
 
 Three = tuple[float, float, float]
 _NONE = (0.0, 0.0, 0.0)
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Wrench:
     """A force and a moment that act on an arm at one of its points, beside the ``f_ext`` at the sections' force points.

@@ -28,6 +28,7 @@ from bha.checkup.wiring import Evidence, evidence
 from bha.checkup.words import notes, untold, wiring_finding
 from bha.errors import LogWarning
 from bha.recordings import Recording, recordings
+from bha.support.shown import html_table
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -93,6 +94,12 @@ class Checkup:
         """Arm, logs and counts in one line."""
         counts = [f"{sum(f.severity == s for f in self.findings)} {s}s" for s in ("fault", "warning", "note")]
         return f"<Checkup of {self.arm_name!r}, {len(self.logs)} log{'s' * (len(self.logs) != 1)}: {', '.join(counts)}>"
+
+    def _repr_html_(self) -> str:
+        """Findings and what is not told, for notebooks."""
+        rows = [(f.severity, f.kind, f.where, f.what) for f in self.findings]
+        notes = [f"not told: {text}" for text in self.untold]
+        return html_table(repr(self), ("severity", "kind", "where", "what"), rows, notes=notes)
 
     def __str__(self) -> str:
         """Findings and what is not told, as text."""

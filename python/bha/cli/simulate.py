@@ -158,21 +158,15 @@ class OutputErrors:
 
 
 def _figures(arm: Arm, shown: Trajectory, recording: Recording, beside: Path) -> list[Path]:
-    from bha.plot import plot_errors, plot_shape, plot_trajectories, write_figure  # noqa: PLC0415  (an optional extra)
+    from bha.plot import plot_errors, plot_poses, plot_trajectories, write_figure  # noqa: PLC0415  (an optional extra)
 
     stem = beside.with_name(beside.name.split(".")[0])
     title = f"{arm.name}, simulated"
-    poses = shown[:: max(1, -(-len(shown) // 12))]
-    backbones = np.stack([arm.shape(q) for q in poses.lengths])
-    hanging = arm.parameters.gravity[2] >= 0
     measured = recording.as_trajectory()
     lines = {"measured": measured[:: max(1, -(-len(measured) // FIGURE_ROWS))]} if recording.outputs else {}
     written = [
         write_figure(plot_trajectories({**lines, "full": shown}, title=title), Path(f"{stem}_trajectory.png")),
-        write_figure(
-            plot_shape(poses.time, backbones, poses.head_positions, hanging=hanging, title=title),
-            Path(f"{stem}_shape.png"),
-        ),
+        write_figure(plot_poses(arm, shown, title=title), Path(f"{stem}_shape.png")),
     ]
     places = [k for k, output in enumerate(recording.outputs) if output.kind == "position"]
     if places:

@@ -14,6 +14,7 @@ from bha.control.controllers import (
     StaticModel,
 )
 from bha.control.limits import Limits
+from bha.control.linear_system import state_space
 from bha.control.loop import ClosedLoopRun, Sensors, simulate_closed_loop
 from bha.control.margins import LinearLoop, linear_loop
 from bha.control.motions import hold, point_to_point, there_and_back, tip_circle, tip_line, tip_path, tip_samples
@@ -43,6 +44,7 @@ __all__ = [
     "point_to_point",
     "reachability",
     "simulate_closed_loop",
+    "state_space",
     "there_and_back",
     "tip_circle",
     "tip_line",

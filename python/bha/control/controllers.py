@@ -21,6 +21,7 @@ from bha.control.limits import Limits
 from bha.control.margins import largest_gain, linear_loop
 from bha.control.observers import FilteredDifference, Observer
 from bha.control.working_point import Feedback, WorkingPoint, mean_lengths
+from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -219,6 +220,7 @@ class FeedbackLinearization(Controller):
         return Feedback(p * unit, d * unit, i * point.pressures_by_lengths, unexplained)
 
 
+@short_repr
 @dataclass(frozen=True)
 class LinearQuadraticRegulator(Controller):
     """A constant gain from the linearization at a pose, on top of the static model at the reference.

@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
 from bha.errors import InputError
+from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
     from bha.arm import Arm
 
 
+@short_repr
 @dataclass(frozen=True)
 class Limits:
     """Limits of the pressures and lengths of an arm.

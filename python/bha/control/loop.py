@@ -16,6 +16,7 @@ from bha.control.reference import Reference
 from bha.control.stepper import Stepper
 from bha.errors import InputError, SimulationError
 from bha.runs.trajectory import Trajectory
+from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -38,6 +39,7 @@ class Sensors:
     seed: int = 0
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class ClosedLoopRun:
     """A closed loop's record, a row a period (every ``decimation`` periods) at the moment of measurement.

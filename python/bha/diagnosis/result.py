@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from bha.errors import InputError
 from bha.support.files import written_whole
+from bha.support.shown import frame, html_table, number
 
 #: ``named``: an effect, or several, each told from all others. ``one_of``: the same, but these logs cannot tell some of
 #: them from others. ``equivalent``: no gap that matters. ``unexplained``: a gap that nothing known explains. ``setup``:
@@ -234,6 +235,30 @@ class Diagnosis(Table):
         end = "" if self.complete else ", interrupted"
         verdict = f"{self.verdict}: {named}" if named else self.verdict
         return f"Diagnosis({verdict}; {errors}, noise {1e3 * self.gap.noise:.3g} mm{end})"
+
+    def _repr_html_(self) -> str:
+        """Verdict and named effects, for notebooks."""
+        rows = [
+            (
+                effect.kind,
+                effect.where,
+                ", ".join(f"{name} {number(n.value)} {n.unit}".strip() for name, n in effect.parameters.items()),
+                effect.confidence,
+                effect.gap_removed,
+                ", ".join(effect.confusable_with),
+            )
+            for effect in self.effects
+        ]
+        headings = ("effect", "where", "numbers", "confidence", "gap removed", "not told from")
+        return html_table(repr(self), headings, rows, notes=[self.reason, *self.setup])
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame`` of all candidates, the most promising first: a row each, see ``candidates``.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        return frame({name: [getattr(c, name) for c in self.candidates] for name in CandidateLine.model_fields})
 
     def __str__(self) -> str:
         """The same line."""

@@ -53,6 +53,7 @@ from bha.diagnosis.steady import start_scatter
 from bha.diagnosis.where import locate
 from bha.errors import InputError
 from bha.estimation.records import Record
+from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -64,6 +65,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 
 
+@short_repr
 @dataclass(frozen=True)
 class Investigation:
     """A diagnosis with what the report and the new parameter file need.

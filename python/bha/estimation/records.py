@@ -26,6 +26,7 @@ from bha.recordings.aligned import COMMON
 from bha.recordings.clock import later
 from bha.recordings.doubt import Doubt
 from bha.runs.input import Input
+from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
     from bha.arm.geometry import CameraFrame
@@ -38,6 +39,7 @@ Mask = NDArray[np.bool_]
 DEFAULT_NOISE = 2e-4
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Record:
     """One log, ready for comparison with simulations; k rows of it, C channels. Equal to itself alone.

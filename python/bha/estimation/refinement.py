@@ -29,6 +29,7 @@ from bha.estimation.records import Record, Window, some_of, windows
 from bha.estimation.solver import HUBER, STATE_DEVIATION, Interrupted, Normal, Outcome, Point, Problem, Residuals, solve
 from bha.estimation.uncertainty import Uncertainty, uncertainty
 from bha.runs.options import Method
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,7 @@ class Settings:
     seed: int = 0
 
 
+@short_repr
 @dataclass(frozen=True)
 class Refinement:
     """A joint fit: the problem of its last stage, where it ended, how well that is known.

@@ -22,6 +22,7 @@ from bha.estimation.records import Record
 from bha.parameters import ArmParameters
 from bha.recordings import Observation
 from bha.support.extras import import_extra
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ _STEP = 1e-5
 _FAILED = 0.5
 
 
+@short_repr
 @dataclass(frozen=True)
 class StaticFit:
     """Parameters fitted to held poses.

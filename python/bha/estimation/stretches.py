@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import InputError
 from bha.estimation.records import Record
+from bha.support.shown import short_repr
 from bha.support.spans import spans_of
 
 Array = NDArray[np.float64]
@@ -38,6 +39,7 @@ class Stretch:
     end: float
 
 
+@short_repr
 @dataclass(frozen=True)
 class SteadyState:
     """Means over a stretch in which nothing moved.

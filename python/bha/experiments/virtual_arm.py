@@ -24,6 +24,7 @@ from bha.logs import Log
 from bha.names import column, length_name
 from bha.parameters import ForceModel
 from bha.runs.input import Input
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -69,6 +70,7 @@ class VirtualSensors:
     pressure_lag: float = 0.05
 
 
+@short_repr
 @dataclass(frozen=True)
 class Schedule:
     """What is done to the arm: pressures and forces at corner times, straight lines between them.

@@ -29,6 +29,7 @@ from bha.logs import Log
 from bha.recordings import ChannelFacts, Observation
 from bha.recordings.outputs import coordinate_outputs
 from bha.runs.input import Input
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -59,6 +60,7 @@ class Prospect:
     told: bool
 
 
+@short_repr
 @dataclass(frozen=True)
 class Excitation:
     """Commanded pressures over time, and what they would tell.

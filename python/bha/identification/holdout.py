@@ -17,6 +17,7 @@ from bha.estimation.integration import choose_integration
 from bha.estimation.records import Record, Window
 from bha.estimation.refinement import scales
 from bha.estimation.solver import Point, Problem, Residuals, solve
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 START_SECONDS = 1.0
 
 
+@short_repr
 @dataclass(frozen=True)
 class Prediction:
     """A record predicted by simulation from its start to its end.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bha.estimation.free import Coordinate
 from bha.identification.words import joined, spoken
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ UNKNOWN = 0.5
 _MEMBER = 0.25
 
 
+@short_repr
 @dataclass(frozen=True)
 class Combination:
     """A direction of the parameters that the data do not tell.

@@ -21,6 +21,7 @@ from bha.identification.provenance import Mark, marked
 from bha.identification.residuals import ChannelResidual, channel_residuals
 from bha.identification.words import spoken
 from bha.parameters import ArmParameters, paths
+from bha.support.shown import frame, html_table, span
 
 Array = NDArray[np.float64]
 
@@ -112,6 +113,29 @@ class Identification:
             f"Identification({self.start.name!r}: {told} of {len(self.estimates)} parameters told by {by}, "
             f"{state} after {outcome.iterations} steps, leaves at most {left:.3g} times the noise)"
         )
+
+    def _repr_html_(self) -> str:
+        """Its estimates, for notebooks."""
+        rows = [
+            (e.name, e.unit, e.start, e.value, span(*e.interval), e.identified, e.at_bound or None)
+            for e in self.estimates
+        ]
+        headings = ("parameter", "unit", "start", "value", "95 % interval", "told by the logs", "at a bound")
+        return html_table(repr(self), headings, rows, notes=[*self.warnings, *self.notes])
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame`` of the estimates, one a row, with the parameter's name as index; SI units.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        columns: dict[str, list[Any]] = {
+            name: [getattr(e, name) for e in self.estimates]
+            for name in ("name", "unit", "start", "value", "standard_error")
+        }
+        columns |= {end: [e.interval[k] for e in self.estimates] for k, end in enumerate(("low", "high"))}
+        columns |= {name: [getattr(e, name) for e in self.estimates] for name in ("identified", "at_bound")}
+        return frame(columns, "name")
 
     @property
     def _records(self) -> tuple[Record, ...]:

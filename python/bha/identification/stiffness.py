@@ -25,6 +25,7 @@ from bha.estimation.initial import pose
 from bha.estimation.records import Record
 from bha.estimation.stretches import SteadyState, Stretch, steady_state, steady_states, stretch_of
 from bha.parameters import paths
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ _SHARE_ABOVE = 0.5
 IN_PLANE = 0.2
 
 
+@short_repr
 @dataclass(frozen=True)
 class StiffnessFit:
     """A law of one section fitted to steady states; ready to be plotted as Fig. 8 or Fig. 9.

@@ -28,6 +28,7 @@ from bha.parameters import ArmParameters, paths
 from bha.runs.input import Input
 from bha.simulation.single import simulate
 from bha.support.extras import import_extra
+from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,7 @@ INTERVAL = 5e-3
 LEAST_RATIO, GREATEST_RATIO, _TOLERANCE = 1e-6, 1.0, 1e-4
 
 
+@short_repr
 @dataclass(frozen=True)
 class Oscillation:
     """A damped oscillation y = middle + e^(-decay t) (a cos(omega t) + b sin(omega t)) fitted to a deflection.
@@ -75,6 +77,7 @@ class Oscillation:
         return float(np.sqrt(np.mean((self.deflection - self.fitted) ** 2)))
 
 
+@short_repr
 @dataclass(frozen=True)
 class FreeSwing:
     """A swing as it was measured.
@@ -105,6 +108,7 @@ class FreeSwing:
         return int(known[-1]) + 1
 
 
+@short_repr
 @dataclass(frozen=True)
 class SwingFit:
     """Damping from swings.

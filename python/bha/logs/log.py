@@ -28,6 +28,7 @@ from bha.logs import arrays, formats
 from bha.logs.content import Content, of_columns, of_file
 from bha.logs.formats import Progress
 from bha.logs.headings import no_column
+from bha.support.shown import frame, html_table, span
 
 STANDARD_ATMOSPHERE = 101325.0  # Pa
 
@@ -238,6 +239,27 @@ class Log:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s"
         more = ", ..." if len(self.columns) > 8 else ""
         return f"<Log {self._origin}: {len(self)} rows, {span}, {', '.join(self.columns[:8])}{more}>"
+
+    def _repr_html_(self) -> str:
+        """Its columns, for notebooks."""
+        rows = []
+        for name, values in self._values.items():
+            there = values[np.isfinite(values)]
+            ends = (there.min(), there.max()) if len(there) else (None, None)
+            rows.append((name, self.units[name], *ends, len(values) - len(there) or None))
+        notes = [f"not read: {name} ({reason})" for name, reason in self.ignored.items()]
+        title = f"Log {self._origin}: {len(self)} rows, {span(self.time[0], self.time[-1], 's')}"
+        return html_table(title, ("column", "unit", "least", "greatest", "missing"), rows, notes=notes)
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame`` of its columns by heading (``p11 [Pa]``), the time as index; arrays are copied.
+
+        :meth:`from_frame` makes the same log of it, but for the file that it came from.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        return frame({self._heading(name): values for name, values in self._values.items()}, self._heading(names.TIME))
 
     def __eq__(self, other: object) -> bool:
         """Whether columns, units and ambient pressure are equal; missing samples equal each other."""
@@ -472,11 +494,12 @@ class Log:
             InputError: unknown extension, or a folder that does not exist.
             MissingExtraError: Parquet without pyarrow.
         """
-        headings = {
-            names.column(name, self.units[name]) if self.units[name] else name: values
-            for name, values in self._values.items()
-        }
+        headings = {self._heading(name): values for name, values in self._values.items()}
         formats.write(Path(path), headings, progress)
+
+    def _heading(self, name: str) -> str:
+        """``p11 [Pa]``; the name alone where the unit is not known."""
+        return names.column(name, self.units[name]) if self.units[name] else name
 
 
 def _check_ambient(ambient_pressure: float) -> None:

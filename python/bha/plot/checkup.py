@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from bha.checkup.facts import read_pressures
 from bha.errors import InputError
-from bha.plot.style import COLORS, DASHED, GRID, MILLIMETRES_PER_METRE, SOLID, draw, figure_of_size
+from bha.plot.settings import GRID
+from bha.plot.style import COLORS, DASHED, MILLIMETRES_PER_METRE, SOLID, draw, figure_of_size
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

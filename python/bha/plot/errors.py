@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha.errors import InputError
+from bha.plot.settings import GRID
 from bha.plot.style import (
     COLORS,
-    GRID,
     MILLIMETRES_PER_METRE,
     SOLID,
     draw,

@@ -12,6 +12,7 @@ from bha.plot.style import MILLIMETRES_PER_METRE, figure_of_size
 from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -44,9 +45,7 @@ def plot_shape(
     if view not in ("projections", "space"):
         raise InputError(f'view: expected "projections" or "space", found {view!r}')
 
-    colormaps = import_extra("matplotlib", extra="plot", purpose="Plotting").colormaps
-    # From light to dark: later is darker also in grey print. Both ends are cut, white lines would not be seen.
-    colors = colormaps["cividis_r"](np.linspace(0.12, 1.0, len(moments)))
+    colors = _by_time(len(moments))
     if view == "space":
         return _in_space(moments, lines, dots, colors, hanging, title)
     return _projections(moments, lines, dots, colors, hanging, title)
@@ -64,11 +63,7 @@ def _projections(
         left = figure.add_subplot(1, 2, 1)
         right = figure.add_subplot(1, 2, 2, sharex=left, sharey=left)
         for axes, axis in ((left, 0), (right, 1)):
-            for time, line, dot, color in zip(times, lines, dots, colors, strict=True):
-                axes.plot(line[:, axis], line[:, 2], color=color, linewidth=1.6, label=f"t = {time:.3g} s")
-                axes.plot(dot[:, axis], dot[:, 2], "o", color=color, markersize=3.5)
-            axes.plot(lines[0, 0, axis], lines[0, 0, 2], "s", color="black", markersize=5, clip_on=False)
-            axes.set_xlabel(f"{'xy'[axis]} [mm]")
+            _project(axes, axis, times, lines, dots, colors)
             axes.set_aspect("equal", adjustable="box")
         left.set_ylabel("z [mm]")
         right.tick_params(labelleft=False)
@@ -77,6 +72,39 @@ def _projections(
         handles, _ = left.get_legend_handles_labels()
         figure.legend(handles=handles, loc="outside right upper", title=title, alignment="left")
     return figure
+
+
+def draw_projection(
+    axes: Axes, axis: int, times: ArrayLike, backbones: ArrayLike, heads: ArrayLike, *, hanging: bool
+) -> None:
+    """Draw backbones on one plane into given axes, as :func:`plot_shape` does: x-z if ``axis`` is 0, y-z if it is 1."""
+    moments = np.asarray(times, dtype=np.float64)
+    lines, dots = _points("backbones", backbones, moments), _points("heads", heads, moments)
+    _project(axes, axis, moments, lines, dots, _by_time(len(moments)))
+    axes.set_aspect("equal", adjustable="datalim")
+    if hanging and not axes.yaxis_inverted():
+        axes.invert_yaxis()
+
+
+def _project(
+    axes: Axes,
+    axis: int,
+    times: NDArray[np.float64],
+    lines: NDArray[np.float64],
+    dots: NDArray[np.float64],
+    colors: NDArray[np.float64],
+) -> None:
+    for time, line, dot, color in zip(times, lines, dots, colors, strict=True):
+        axes.plot(line[:, axis], line[:, 2], color=color, linewidth=1.6, label=f"t = {time:.3g} s")
+        axes.plot(dot[:, axis], dot[:, 2], "o", color=color, markersize=3.5)
+    axes.plot(lines[0, 0, axis], lines[0, 0, 2], "s", color="black", markersize=5, clip_on=False)
+    axes.set_xlabel(f"{'xy'[axis]} [mm]")
+
+
+def _by_time(count: int) -> NDArray[np.float64]:
+    """From light to dark: later is darker also in grey print. Both ends are cut, white lines would not be seen."""
+    colormaps = import_extra("matplotlib", extra="plot", purpose="Plotting").colormaps
+    return np.asarray(colormaps["cividis_r"](np.linspace(0.12, 1.0, count)))
 
 
 def _in_space(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import InputError
+from bha.plot.settings import settings_in_force
 from bha.support.extras import import_extra
 from bha.support.files import written_whole
 
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 # Okabe-Ito, the colours that also differ in brightness first: apart for colour-blind eyes and in grey print.
 COLORS = ("#000000", "#0072B2", "#E69F00", "#56B4E9", "#D55E00", "#009E73", "#CC79A7", "#F0E442")
-GRID = "#D9D9D9"
 
 # Line styles of the paper's Figs. 12 and 14. Labels without a style of their own take the next free one.
 SOLID, DOTTED, DASHED, DASH_DOTTED = "-", (0, (1, 1.3)), (0, (5, 2)), (0, (6, 1.5, 1, 1.5))
@@ -39,36 +39,6 @@ MILLIMETRES_PER_METRE = 1e3
 # More points than this in a line are more than a printed page can show.
 MOST_POINTS = 4000
 
-_SETTINGS: Mapping[str, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "legend.fontsize": 7.5,
-    "legend.title_fontsize": 9,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": GRID,
-    "grid.linewidth": 0.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "lines.linewidth": 1.2,
-    "legend.frameon": False,
-    "legend.handlelength": 2.6,
-    "figure.dpi": 100,
-    "savefig.dpi": 200,
-    # Text stays text in vector files, and the same figure gives the same bytes.
-    "svg.fonttype": "none",
-    "svg.hashsalt": "bha",
-    "pdf.fonttype": 42,
-}
-
 
 @contextmanager
 def figure_of_size(width: float, height: float) -> Iterator[Figure]:
@@ -77,12 +47,28 @@ def figure_of_size(width: float, height: float) -> Iterator[Figure]:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    matplotlib = import_extra("matplotlib", extra="plot", purpose="Plotting")
-    figure_module = import_extra("matplotlib.figure", extra="plot", purpose="Plotting")
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_SETTINGS)
-        yield figure_module.Figure(figsize=(width, height), layout="constrained")
+    with settings_in_force():
+        from bha.plot.figure import ShownFigure  # noqa: PLC0415  (matplotlib is there)
+
+        yield ShownFigure(figsize=(width, height), layout="constrained")
+
+
+@contextmanager
+def axes_of_size(axes: Axes | None, width: float, height: float) -> Iterator[Axes]:
+    """The caller's axes, with the caller's settings; without any those of a new figure, as :func:`figure_of_size`.
+
+    Raises:
+        InputError: something that is no axes of matplotlib.
+        MissingExtraError: matplotlib is not installed.
+    """
+    if axes is None:
+        with figure_of_size(width, height) as figure:
+            yield figure.add_subplot()
+        return
+    kind = import_extra("matplotlib.axes", extra="plot", purpose="Plotting").Axes
+    if not isinstance(axes, kind):
+        raise InputError(f"axes: {type(axes).__name__}; Axes of matplotlib are needed")
+    yield axes
 
 
 def write_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
@@ -93,15 +79,12 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     Raises:
         InputError: unknown extension, or a folder that does not exist.
     """
-    matplotlib = import_extra("matplotlib", extra="plot", purpose="Plotting")
     path = Path(path)
     undated: dict[str, dict[str, Any]] = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}, ".png": {}}
     kind = path.suffix.lower()
     if kind not in undated:
         raise InputError(f"{path}: unknown extension {kind or '(none)'}; figures are written as .pdf, .svg or .png")
-    with written_whole(path) as temporary, matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_SETTINGS)
+    with written_whole(path) as temporary, settings_in_force():
         figure.savefig(temporary, format=kind[1:], metadata=undated[kind])
     return path
 

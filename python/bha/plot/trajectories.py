@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from bha.runs.trajectory import Trajectory
 
 
-def plot_trajectories(trajectories: Mapping[str, Trajectory], *, title: str | None = None) -> Figure:
+def plot_trajectories(trajectories: Trajectory | Mapping[str, Trajectory], *, title: str | None = None) -> Figure:
     """Plot trajectories over one another like Fig. 12 of the paper.
 
     Top: absolute pressure of each input, bar; where all trajectories have the same pressures they are drawn once.
@@ -39,13 +39,15 @@ def plot_trajectories(trajectories: Mapping[str, Trajectory], *, title: str | No
     next free. What is NaN throughout (a measurement without lengths, say) is left out.
 
     Args:
-        trajectories: label to trajectory; all with the same number of sections.
+        trajectories: one, or label to trajectory; all with the same number of sections.
         title: a line above the figure.
 
     Raises:
         InputError: no trajectory, one without rows, or different numbers of sections.
         MissingExtraError: matplotlib is not installed.
     """
+    if not isinstance(trajectories, Mapping):
+        trajectories = {trajectories.arm_name or "trajectory": trajectories}
     first = check_trajectories(trajectories)
     sections = first.section_count
     styles = line_styles(list(trajectories))

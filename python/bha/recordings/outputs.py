@@ -18,6 +18,7 @@ from bha import _core, names
 from bha.arm import geometry
 from bha.errors import LogError
 from bha.logs.units import UnitError, factor_to_si
+from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -52,6 +53,7 @@ class Output:
     place: str = ""
 
 
+@short_repr
 @dataclass(frozen=True)
 class Observation:
     """The outputs as a function of coordinates and heads.

@@ -22,6 +22,7 @@ from bha.recordings import clock, compare, ranges, samples, stairs, unused
 from bha.recordings.pressures import PressureSort
 from bha.recordings.readings import Readings
 from bha.recordings.samples import ChannelFacts
+from bha.support.shown import html_table
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -207,6 +208,16 @@ class Recording(Readings):
             f"<Recording {self.name} of {self.arm.name!r}: {len(self)} rows, {self.clock.duration:g} s, "
             f"{self.pressures.sort} pressures, outputs {outputs or 'none'}>"
         )
+
+    def _repr_html_(self) -> str:
+        """What is known of its channels, for notebooks."""
+        rows = [
+            (fact.name, fact.unit, fact.noise or None, fact.quantum or None, fact.interval, fact.missing or None)
+            for fact in (*self.pressure_facts, *self.facts)
+        ]
+        headings = ("channel", "unit", "noise", "steps of", "interval [s]", "missing, share")
+        notes = [*self.notes, *(f"warning: {text}" for text in self.findings)]
+        return html_table(repr(self), headings, rows, notes=notes)
 
     def __str__(self) -> str:
         """What was decided and found, in a few lines."""

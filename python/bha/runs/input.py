@@ -12,10 +12,12 @@ from bha import _core
 from bha.arm.wrench import Wrench
 from bha.arrays import floats
 from bha.errors import InputError
+from bha.support.shown import short_repr
 
 Interpolation = Literal["linear", "hold"]
 
 
+@short_repr
 @dataclass(frozen=True)
 class Input:
     """What drives an arm: pressures and, optionally, external forces, sampled at irregular times.

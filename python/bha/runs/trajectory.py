@@ -20,6 +20,7 @@ from bha.errors import InputError
 from bha.parameters import SensorsParameters
 from bha.runs.formats import ARRAYS, BLOCK_ROWS, NOT_WRITTEN, OPTIONAL_ARRAYS, Sink, open_sink, written_arrays
 from bha.support.files import written_whole
+from bha.support.shown import frame, html_table, span
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,6 +119,29 @@ class Trajectory:
         span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else ""
         counts = f"{self.section_count} sections, {len(self.input_names)} inputs"
         return f"<Trajectory of {self.arm_name or 'an arm'}: {len(self)} rows{span}, {counts}>"
+
+    def _repr_html_(self) -> str:
+        """What its columns do, for notebooks."""
+        rows: list[tuple[object, ...]] = []
+        if len(self):
+            for heading, values in zip(self.columns()[1:], self.table().T[1:], strict=True):
+                there = values[np.isfinite(values)]
+                ends = (there.min(), there.max()) if len(there) else (None, None)
+                rows.append((heading, values[0], *ends, values[-1]))
+        time = f", {span(self.time[0], self.time[-1], 's')}" if len(self) else ""
+        title = f"Trajectory of {self.arm_name or 'an arm'}: {len(self)} rows{time}"
+        steps = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in self.statistics.items())
+        headings = ("column", "first", "least", "greatest", "last")
+        return html_table(title, headings, rows, notes=[steps] if steps else ())
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame`` of its columns by heading (:meth:`columns`), the time as index; arrays are copied.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        headings = self.columns()
+        return frame(dict(zip(headings, self.table().T, strict=True)), headings[0])
 
     def __eq__(self, other: object) -> bool:
         """Whether all arrays and names are equal, to the last bit."""

@@ -17,8 +17,10 @@ from bha.parameters import paths
 from bha.runs.input import Input
 from bha.runs.options import Options
 from bha.simulation.single import as_input
+from bha.support.shown import short_repr
 
 
+@short_repr
 @dataclass(frozen=True)
 class Sensitivities:
     """A trajectory and its derivatives; 2 x 3n states (lengths, then rates), k parameters.

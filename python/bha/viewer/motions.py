@@ -19,6 +19,7 @@ from bha.recordings import PressureSort, Recording
 from bha.recordings.compare import shown_by
 from bha.runs import Trajectory
 from bha.simulation import simulate
+from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -31,6 +32,7 @@ Source: TypeAlias = "Trajectory | Log | Recording | str | os.PathLike[str]"
 ROW_DISTANCE = 1.0 / 60.0
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Moment:
     """What is shown at one time; NaN where it is not known.
@@ -66,6 +68,7 @@ class Measured:
     heads: Array
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Motion:
     """One arm over time.
