@@ -245,7 +245,7 @@ class Diagnosis(Table):
                 ", ".join(f"{name} {number(n.value)} {n.unit}".strip() for name, n in effect.parameters.items()),
                 effect.confidence,
                 effect.gap_removed,
-                ", ".join(effect.confusable_with),
+                ", ".join(f"{other.kind} at {other.where}" for other in effect.one_of),
             )
             for effect in self.effects
         ]
