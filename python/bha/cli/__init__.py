@@ -17,6 +17,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "info": ("bha.cli.info", "info", "What a parameter file says, and what follows from it."),
     "view": ("bha.cli.view", "view", "An arm in the browser: live, or beside what was measured."),
     "check": ("bha.cli.check", "check", "Whether logs and a parameter file belong together."),
+    "convert": ("bha.cli.convert", "convert", "Logs of other formats (ROS bags, MATLAB, HDF5) as CSV or Parquet."),
     "simulate": ("bha.cli.simulate", "simulate", "Simulate an arm from a log's pressures."),
     "experiment": ("bha.cli.experiment", "experiment", "The paper's experiments on a virtual arm."),
     "control": ("bha.cli.control", "control", "Controllers lead a plant along a reference, compared."),

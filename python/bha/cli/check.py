@@ -11,7 +11,7 @@ from bha.arm import Arm
 from bha.checkup import Checkup, check_recordings
 from bha.checkup.facts import Channel
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
-from bha.cli.logs import missing_option, pressures_option, read_logs
+from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs
 from bha.recordings import PressureSort
 
 
@@ -20,6 +20,7 @@ from bha.recordings import PressureSort
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @pressures_option
 @missing_option
+@columns_option
 @click.option("--plot", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False),
               help="Draw what the logs hold to this file (.png, .pdf, .svg; extra plot).")  # fmt: skip
 @json_option
@@ -29,6 +30,7 @@ def check(
     logs: tuple[Path, ...],
     pressures: PressureSort | None,
     missing: bool,
+    mapping: Path | None,
     plot: Path | None,
     as_json: bool,
 ) -> None:
@@ -39,7 +41,7 @@ def check(
     """
     with progress_bar(hidden=as_json) as bar:
         bar.add_task("reading", total=None)
-        found = check_recordings(arm, read_logs(arm, logs, pressures, missing))
+        found = check_recordings(arm, read_logs(arm, logs, pressures, missing, mapping))
     if plot is not None:
         from bha.plot import plot_checkup, write_figure  # noqa: PLC0415  (an optional extra)
 

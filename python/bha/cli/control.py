@@ -26,7 +26,7 @@ from bha.cli.common import (
     say,
 )
 from bha.cli.common import table as new_table
-from bha.cli.logs import missing_option
+from bha.cli.logs import columns_option, missing_option
 from bha.control.controller import Controller
 from bha.control.controllers import (
     FeedbackLinearization,
@@ -82,6 +82,7 @@ _MOST_NAMED = 3
 @click.option("--plot", metavar="FIGURE", type=click.Path(path_type=Path, dir_okay=False),
               help="Figure of the tip's errors and paths: .pdf, .svg or .png.")  # fmt: skip
 @missing_option
+@columns_option
 @json_option
 @reports_errors
 def control(
@@ -99,6 +100,7 @@ def control(
     out: Path | None,
     plot: Path | None,
     missing: bool,
+    mapping: Path | None,
     as_json: bool,
 ) -> None:
     """Let controllers whose model is ARM lead a plant along a reference, and compare how they follow.
@@ -121,7 +123,7 @@ def control(
         with warnings.catch_warnings():
             # Said below, in the report.
             warnings.simplefilter("ignore", ReferenceWarning)
-            target = reference_of(arm, reference, radius, speed, period, missing=missing)
+            target = reference_of(arm, reference, radius, speed, period, missing=missing, mapping=mapping)
         reach = reachability(arm, target)
         for name in chosen:
             bar.update(task, description=name)
@@ -156,7 +158,14 @@ def _beside(path: Path, name: str) -> Path:
 
 
 def reference_of(
-    arm: Arm, kind: str, radius: float | None, speed: float, period: float, *, missing: bool = False
+    arm: Arm,
+    kind: str,
+    radius: float | None,
+    speed: float,
+    period: float,
+    *,
+    missing: bool = False,
+    mapping: Path | None = None,
 ) -> Reference:
     """The reference that the options ask for; of a log with missing samples, where they are allowed, straight lines.
 
@@ -170,7 +179,7 @@ def reference_of(
     path = Path(kind)
     if not path.exists():
         raise InputError(f"reference: {kind!r} is neither circle nor move nor a file")
-    log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure, missing=missing)
+    log = Log.read(path, ambient_pressure=arm.parameters.ambient_pressure, missing=missing, mapping=mapping)
     log = _with_coordinates(arm, log, str(path))
     lengths, heads = (_bridged(log.time, table) for table in shown_by(arm, log, str(path)))
     if np.all(np.isfinite(lengths)):

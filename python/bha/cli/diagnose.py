@@ -18,7 +18,7 @@ from bha.cli.common import (
     reports_errors,
     say,
 )
-from bha.cli.logs import missing_option, pressures_option, read_logs, repair_option
+from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs, repair_option
 from bha.diagnosis import diagnose as run
 from bha.diagnosis.result import Diagnosis, Number
 from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, headline
@@ -35,6 +35,7 @@ from bha.recordings import PressureSort
               help="Folder for diagnosis.json, arm_diagnosed.toml and report.html.")  # fmt: skip
 @pressures_option
 @missing_option
+@columns_option
 @repair_option
 @click.option("--tolerance", type=click.FloatRange(min=0.0), default=0.0, metavar="MM",
               help="What does not matter: errors that exceed noise by less are no gap [mm RMS].")  # fmt: skip
@@ -50,6 +51,7 @@ def diagnose(
     out: Path,
     pressures: PressureSort | None,
     missing: bool,
+    mapping: Path | None,
     repair: bool,
     tolerance: float,
     no_report: bool,
@@ -63,7 +65,7 @@ def diagnose(
     """
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading", total=None)
-        read = read_logs(arm, [*logs, *holdout], pressures, missing)
+        read = read_logs(arm, [*logs, *holdout], pressures, missing, mapping)
 
         def tell(stage: str, share: float | None) -> None:
             bar.update(task, description=stage, total=None if share is None else 1.0, completed=share or 0.0)

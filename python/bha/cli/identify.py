@@ -12,7 +12,7 @@ from bha.cli.common import INTERRUPTED, arm_argument, json_option, print_json, p
 from bha.cli.conditions import changes_in, session_option, sessions_in, with_option
 from bha.cli.free import free_parameter
 from bha.cli.identified import show, write_figures, write_parameters
-from bha.cli.logs import missing_option, pressures_option, read_logs, repair_option
+from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs, repair_option
 from bha.cli.procedure import check_options, finish_procedure
 from bha.errors import InputError
 from bha.estimation.refinement import Settings
@@ -48,6 +48,7 @@ NOT_CONVERGED = 3
 @click.option("--step", type=float, help="Step of the integrator [s]; chosen and checked if left out.")
 @pressures_option
 @missing_option
+@columns_option
 @repair_option
 @click.option("--max-iterations", type=click.IntRange(1), default=40, show_default=True)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the redrawn pressure noise.")
@@ -74,6 +75,7 @@ def identify_command(
     step: float | None,
     pressures: PressureSort | None,
     missing: bool,
+    mapping: Path | None,
     repair: bool,
     max_iterations: int,
     seed: int,
@@ -100,7 +102,7 @@ def identify_command(
             task = bar.add_task("reading logs", total=1.0)
             found = carry_out(
                 arm,
-                read_logs(arm, logs, pressures, missing),
+                read_logs(arm, logs, pressures, missing, mapping),
                 procedure,
                 sections=chosen or None,
                 order=order,
@@ -115,7 +117,7 @@ def identify_command(
     changes, of_sessions = changes_in(withs, every), sessions_in(sessions, every)
     with progress_bar(hidden=as_json, time_left=False) as bar:
         task = bar.add_task("reading logs", total=1.0)
-        read = read_logs(arm, every, pressures, missing)
+        read = read_logs(arm, every, pressures, missing, mapping)
         result = identify(
             arm,
             read[: len(logs)],

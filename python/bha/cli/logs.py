@@ -9,6 +9,7 @@ from typing import get_args
 import click
 
 from bha.arm import Arm
+from bha.logs import Log
 from bha.recordings import PressureSort, Recording, recordings
 
 #: Which pressures of a log drive the arm.
@@ -22,6 +23,15 @@ pressures_option = click.option(
 missing_option = click.option(
     "--missing", is_flag=True, help="Take NaN and empty cells of measured outputs as missing samples."
 )
+#: Which part of a file of another format is which column.
+columns_option = click.option(
+    "--columns",
+    "mapping",
+    metavar="MAP.toml",
+    type=click.Path(path_type=Path),
+    help="Mapping file: which part of a log of another format (ROS bag, MATLAB, HDF5 ...) is which column. Left out: "
+    "LOG.columns.toml or columns.toml beside the log.",
+)
 
 #: Whether faults of the setup are mended first.
 repair_option = click.option(
@@ -32,9 +42,13 @@ repair_option = click.option(
 )
 
 
-def read_logs(arm: Arm, paths: Sequence[Path], pressures: PressureSort | None, missing: bool) -> list[Recording]:
+def read_logs(
+    arm: Arm, paths: Sequence[Path], pressures: PressureSort | None, missing: bool, mapping: Path | None
+) -> list[Recording]:
     """Recordings of some files by one arm; all with the pressures of the first where none are asked for.
 
     What is to be warned of is said when they are checked.
     """
-    return recordings(arm, paths, pressures=pressures, missing=missing, warn=False)
+    ambient = arm.parameters.ambient_pressure
+    logs = [Log.read(path, ambient_pressure=ambient, missing=missing, mapping=mapping) for path in paths]
+    return recordings(arm, logs, pressures=pressures, missing=missing, warn=False)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
-from bha.cli.logs import missing_option, pressures_option
+from bha.cli.logs import columns_option, missing_option, pressures_option
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 from bha.recordings.ranges import LengthExtremes
@@ -37,6 +37,7 @@ FIGURE_ROWS = 4000
 @click.option("--plot", is_flag=True, help="Write figures beside the trajectory (or the log's name).")
 @pressures_option
 @missing_option
+@columns_option
 @click.option("--dt", type=float,
               help="Distance of the output rows [s]; left out: the log's samples, at least 100 Hz.")  # fmt: skip
 @click.option("--method", type=click.Choice(get_args(Method)), default="auto", show_default=True,
@@ -58,6 +59,7 @@ def simulate(
     plot: bool,
     pressures: PressureSort | None,
     missing: bool,
+    mapping: Path | None,
     dt: float | None,
     method: Method,
     step: float,
@@ -80,6 +82,7 @@ def simulate(
             input_path,
             ambient_pressure=arm.parameters.ambient_pressure,
             missing=missing,
+            mapping=mapping,
             progress=lambda fraction: bar.update(task, completed=fraction),
         )
         recording = Recording(arm, log, pressures=pressures)

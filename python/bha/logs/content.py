@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from bha.errors import LogError
 from bha.logs import arrays, formats
-from bha.logs.columns import FREE, Column, check_values, convert, doubts, plan
+from bha.logs.columns import FREE, SKIP, Column, check_values, convert, doubts, plan
+from bha.logs.foreign import kinds
+from bha.logs.foreign.mapping import MappingFile, beside, read_mapping
+from bha.logs.foreign.tables import renamed
 from bha.logs.formats import Found, Progress
 
 Array = NDArray[np.float64]
@@ -30,7 +33,9 @@ class Content:
         gauge_columns: names of the pressures that the file has as gauge pressure.
         ignored: columns that were not read, with the reason.
         doubts: what is odd, a text each.
-        sha256: SHA-256 of the file, hexadecimal, or None.
+        sha256: SHA-256 of the file, hexadecimal, or None; of a mapped one, of file and mapping together.
+        notes: how the file was read where that does not go without saying, a text each.
+        gaps: whether samples are missing because parts of the file have times of their own.
     """
 
     values: dict[str, Array]
@@ -40,6 +45,29 @@ class Content:
     ignored: dict[str, str]
     doubts: tuple[str, ...]
     sha256: str | None = None
+    notes: tuple[str, ...] = ()
+    gaps: bool = False
+
+
+@dataclass(frozen=True)
+class Raw:
+    """What was found in a file, in the units of the file: checked, but not converted.
+
+    Attributes:
+        columns: what each column is.
+        found: the values of each; None if it was skipped; where and what, if it holds something else than numbers.
+        sha256: see :class:`Content`.
+        notes: see :class:`Content`.
+        odd: what is odd about the file, a text each.
+        gaps: see :class:`Content`.
+    """
+
+    columns: list[Column]
+    found: list[Found]
+    sha256: str
+    notes: tuple[str, ...] = ()
+    odd: tuple[str, ...] = ()
+    gaps: bool = False
 
 
 def of_file(
@@ -49,11 +77,82 @@ def of_file(
     columns: Collection[str] | None,
     missing: bool,
     progress: Progress | None,
+    mapping: MappingFile | None = None,
 ) -> Content:
     """The content of a file; arguments and errors as for ``bha.Log.read``."""
+    raw = raw_of_file(
+        path,
+        ambient_pressure=ambient_pressure,
+        columns=columns,
+        missing=missing,
+        progress=progress,
+        mapping=mapping,
+    )
+    content = _converted(os.fspath(path), raw.columns, raw.found, list(raw.odd), raw.sha256)
+    return replace(content, notes=raw.notes, gaps=raw.gaps)
+
+
+def raw_of_file(
+    path: Path,
+    *,
+    ambient_pressure: float,
+    columns: Collection[str] | None,
+    missing: bool,
+    progress: Progress | None,
+    mapping: MappingFile | None = None,
+) -> Raw:
+    """What a file has, in its own units; arguments and errors as for ``bha.Log.read``.
+
+    Without ``mapping`` one that lies beside the file counts, see :func:`bha.logs.foreign.mapping.beside`.
+    """
+    kind = kinds.kind_of(path)
+    if mapping is None and (found := beside(path, of_folder=kind is not None)) is not None:
+        mapping = read_mapping(found)
+    if kind is not None:
+        return _of_foreign(path, kind, ambient_pressure, columns, missing, progress, mapping)
+    return _of_table(path, ambient_pressure, columns, missing, progress, mapping)
+
+
+def _of_foreign(
+    path: Path,
+    kind: kinds.Kind,
+    ambient_pressure: float,
+    columns: Collection[str] | None,
+    missing: bool,
+    progress: Progress | None,
+    mapping: MappingFile | None,
+) -> Raw:
+    from bha.logs.foreign import read  # noqa: PLC0415  (with libraries that tables do not need)
+
+    origin = os.fspath(path)
+    if mapping is None:
+        raise read.not_mapped(path, origin, kind)
+    table = read.columns_of(path, origin, kind, mapping, missing=missing, progress=progress)
+    may_miss = missing or table.gaps
+    headings = list(table.values)
+    planned = plan(origin, headings, ambient_pressure=ambient_pressure, only=columns, missing=may_miss)
+    values: list[Found] = []
+    for column in planned:
+        array = None if column.used == SKIP else table.values[column.heading]
+        fault = None if array is None else check_values(origin, column, array)
+        values.append(array if fault is None else fault)
+    digest = formats.sha256_of(path, origin, mapping.text)
+    return Raw(planned, values, digest, table.notes, table.doubts, table.gaps)
+
+
+def _of_table(
+    path: Path,
+    ambient_pressure: float,
+    columns: Collection[str] | None,
+    missing: bool,
+    progress: Progress | None,
+    mapping: MappingFile | None,
+) -> Raw:
     origin = os.fspath(path)
 
     def decide(headings: Sequence[str], opening: Sequence[str]) -> list[Column]:
+        if mapping is not None:
+            headings, opening = renamed(origin, headings, mapping), ()
         return plan(origin, headings, ambient_pressure=ambient_pressure, only=columns, missing=missing, opening=opening)
 
     unterminated = False
@@ -62,9 +161,10 @@ def of_file(
             planned, found = formats.read_parquet(source, origin, decide, progress)
         else:
             planned, found, unterminated = formats.read_csv(source, origin, decide, progress)
-        digest = formats.sha256(source, origin)
-    odd = ["the last line has no line end; if the file was cut off, its last number may be wrong"] * unterminated
-    return _converted(origin, planned, found, odd, digest)
+        digest = formats.sha256_of(source, origin, mapping.text if mapping is not None else "")
+    odd = ("the last line has no line end; if the file was cut off, its last number may be wrong",) * unterminated
+    notes = () if mapping is None else (f"columns by {mapping.origin}",)
+    return Raw(planned, found, digest, notes, odd)
 
 
 def of_columns(

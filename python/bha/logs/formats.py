@@ -81,6 +81,20 @@ def sha256(path: Path, origin: str) -> str:
         raise LogError(f"{origin}: cannot be read: {error.strerror}") from error
 
 
+def sha256_of(path: Path, origin: str, mapping: str) -> str:
+    """SHA-256 of a log: of its file, of all files of a folder, and of the mapping by which it is read.
+
+    Raises:
+        LogError: a file cannot be read.
+    """
+    if path.is_dir():
+        files = sorted(entry for entry in path.iterdir() if entry.is_file())
+        digest = hashlib.sha256("".join(f"{f.name} {sha256(f, origin)}\n" for f in files).encode()).hexdigest()
+    else:
+        digest = sha256(path, origin)
+    return hashlib.sha256(f"{digest}\n{mapping}".encode()).hexdigest() if mapping else digest
+
+
 def is_parquet(path: Path) -> bool:
     """Whether a file begins like Parquet; False for one that cannot be opened."""
     try:
@@ -200,18 +214,26 @@ def write(path: Path, columns: Mapping[str, Array], progress: Progress | None) -
         InputError: unknown extension, or a folder that does not exist.
         MissingExtraError: Parquet without pyarrow.
     """
-    name = path.name.lower()
-    if name.endswith(".parquet"):
-        writer = _write_parquet
-        import_extra("pyarrow", extra="parquet", purpose="Writing Parquet files")
-    elif name.endswith((".csv", ".csv.gz")):
-        writer = _write_csv
-    else:
-        known = ".parquet, .csv or .csv.gz"
-        raise InputError(f"{path}: unknown extension {path.suffix or '(none)'}; logs are written as {known}")
+    check_extension(path)
+    writer = _write_parquet if path.name.lower().endswith(".parquet") else _write_csv
     rows = len(next(iter(columns.values())))
     with written_whole(path) as temporary:
         writer(temporary, columns, rows, progress)
+
+
+def check_extension(path: Path) -> None:
+    """Check that a log can be written under this name, before the work whose result it is to hold.
+
+    Raises:
+        InputError: unknown extension.
+        MissingExtraError: Parquet without pyarrow.
+    """
+    name = path.name.lower()
+    if name.endswith(".parquet"):
+        import_extra("pyarrow", extra="parquet", purpose="Writing Parquet files")
+    elif not name.endswith((".csv", ".csv.gz")):
+        known = ".parquet, .csv or .csv.gz"
+        raise InputError(f"{path}: unknown extension {path.suffix or '(none)'}; logs are written as {known}")
 
 
 def _blocks(columns: Mapping[str, Array], rows: int, progress: Progress | None) -> Any:

@@ -30,6 +30,12 @@ def named(heading: str, brackets: tuple[str, str] = ("[", "]")) -> tuple[str, st
     return name.rstrip(), rest[:-1].strip()
 
 
+def heading_parts(heading: str) -> tuple[str, str | None]:
+    """Name and unit of a heading of whatever brackets, ``("p11", "kPa")`` of ``p11 (kPa)`` too."""
+    name, unit = named(heading)
+    return (name, unit) if unit is not None else named(heading, PARENTHESES)
+
+
 def shortened(text: str) -> str:
     """The beginning of a text that may be long."""
     return text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
@@ -44,7 +50,7 @@ def no_time(origin: str, headings: Sequence[str], available: Iterable[str]) -> s
     """The text of an error: there is no column of time; the heading that seems to be meant for it."""
     text = f"{origin}: there is no column of time, '{names.column(names.TIME, 's')}'"
     for heading in headings:
-        if proposal := _as_time(heading):
+        if proposal := as_time(heading):
             return f"{text}; column '{heading}' is not known; did you mean '{proposal}'? Rename it"
     return text + _nearest(names.TIME, available)
 
@@ -85,15 +91,13 @@ def _is_known(heading: str) -> bool:
     """Whether a heading is that of a quantity or of a time, however it is spelt."""
     if not heading:
         return False
-    name, unit = named(heading)
-    name, unit = (name, unit) if unit is not None else named(heading, PARENTHESES)
-    return names.quantity(re.sub(r"[\s_.,:-]", "", name).lower()) is not None or _as_time(heading) is not None
+    name, _ = heading_parts(heading)
+    return names.quantity(re.sub(r"[\s_.,:-]", "", name).lower()) is not None or as_time(heading) is not None
 
 
-def _as_time(heading: str) -> str | None:
+def as_time(heading: str) -> str | None:
     """The heading of a column of time that seems to be meant, ``t [ms]`` of ``Time (ms)``; None if none is."""
-    name, unit = named(heading)
-    name, unit = (name, unit) if unit is not None else named(heading, PARENTHESES)
+    name, unit = heading_parts(heading)
     if re.sub(r"[\s_.,:#-]", "", name).lower() not in _TIME_WORDS:
         return None
     spelt = next((other for other in (unit or "", (unit or "").lower()) if measures(other, "s")), "s")

@@ -26,6 +26,7 @@ from bha import names
 from bha.errors import InputError, LogError, LogWarning
 from bha.logs import arrays, formats
 from bha.logs.content import Content, of_columns, of_file
+from bha.logs.foreign.mapping import mapping_given
 from bha.logs.formats import Progress
 from bha.logs.headings import no_column
 from bha.support.shown import frame, html_table, span
@@ -51,7 +52,8 @@ class Log:
         ambient_pressure: what gauge pressures were taken relative to, Pa.
         missing: whether samples of measured outputs may be missing; they are NaN.
         path: the file, or None.
-        sha256: SHA-256 of the file, hexadecimal, or None.
+        sha256: SHA-256 of the file, hexadecimal, or None; of a mapped one, of file and mapping together.
+        notes: how the file was read where that does not go without saying: which times count, what was held.
     """
 
     def __init__(
@@ -66,6 +68,7 @@ class Log:
         missing: bool = False,
         path: Path | None = None,
         sha256: str | None = None,
+        notes: Collection[str] = (),
     ) -> None:
         """Hold columns that have been checked; use :meth:`read` or :meth:`from_arrays`."""
         self._values = dict(values)
@@ -79,6 +82,7 @@ class Log:
         self.ambient_pressure = ambient_pressure
         self.path = path
         self.sha256 = sha256
+        self.notes = tuple(notes)
 
     @classmethod
     def read(
@@ -88,12 +92,14 @@ class Log:
         ambient_pressure: float = STANDARD_ATMOSPHERE,
         columns: Collection[str] | None = None,
         missing: bool = False,
+        mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         progress: Progress | None = None,
     ) -> Self:
-        """Read a log from a CSV file (plain or gzip) or a Parquet file; its first bytes decide which it is.
+        """Read a log from a file of any known format; its first bytes decide which it is.
 
-        Memory needed is that of the columns, 8 bytes a value, and little more. What comes through a pipe is kept in a
-        temporary file meanwhile.
+        CSV (plain or gzip) and Parquet; with a mapping, which says what is which column, also ROS bags and MCAP, MATLAB
+        and HDF5. Memory needed is that of the columns, 8 bytes a value, and little more. What comes through a pipe is
+        kept in a temporary file meanwhile.
 
         Args:
             path: the file.
@@ -101,11 +107,13 @@ class Log:
             columns: names of the columns to read beside the time; all if None.
             missing: whether empty cells and NaN (also NA, null, -) are missing samples, NaN in the log. Time, pressures
                 and forces can miss none.
+            mapping: a mapping file, or what it amounts to; left out, one beside the log: ``FILE.columns.toml`` or, for
+                formats that need one, ``columns.toml``.
             progress: called with the fraction done, from 0 to 1, about 20 times a second and at the end.
 
         Raises:
             LogError: the file cannot be read as a log; the text names file, line (row in Parquet) and column.
-            MissingExtraError: Parquet without pyarrow.
+            MissingExtraError: Parquet without pyarrow, bags without rosbags, MATLAB without SciPy, HDF5 without h5py.
 
         Warns:
             LogWarning: the last line has no line end, so its last number may have been cut; a unit of a size that no
@@ -115,8 +123,15 @@ class Log:
         if isinstance(columns, str):
             raise InputError(f"columns: found the text '{columns}'; expected names, such as ['{columns}']")
         path = Path(path)
-        content = of_file(path, ambient_pressure=ambient_pressure, columns=columns, missing=missing, progress=progress)
-        return cls._of(content, os.fspath(path), ambient_pressure, missing, path)
+        content = of_file(
+            path,
+            ambient_pressure=ambient_pressure,
+            columns=columns,
+            missing=missing,
+            progress=progress,
+            mapping=mapping_given(mapping),
+        )
+        return cls._of(content, os.fspath(path), ambient_pressure, missing or content.gaps, path)
 
     @classmethod
     def from_arrays(
@@ -212,6 +227,7 @@ class Log:
             missing=missing,
             path=path,
             sha256=content.sha256,
+            notes=content.notes,
         )
 
     def __len__(self) -> int:
@@ -482,6 +498,7 @@ class Log:
             missing=self.missing,
             path=self.path,
             sha256=self.sha256,
+            notes=self.notes,
         )
 
     def write(self, path: str | os.PathLike[str], *, progress: Progress | None = None) -> None:

@@ -121,8 +121,8 @@ class Recording(Readings):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was done about samples that are no readings, a text each."""
-        said = []
+        """How the file was read, and what was done about samples that are no readings, a text each."""
+        said = list(self.log.notes)
         if self.clock.tick > 0.0:
             tick = f"{1e3 * self.clock.tick:.3g} ms"
             said.append(f"rows were stamped by a timer of {tick}; they are taken as even, {_rate(self.clock)}")
