@@ -9,7 +9,8 @@ import click
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, reports_errors, say, table
 from bha.cli.free import free_parameter
-from bha.identification.excitation import KINDS, Excitation, excite
+from bha.estimation.programme import KINDS
+from bha.identification.excitation import Excitation, excite
 from bha.support.files import check_target
 
 

@@ -1,9 +1,7 @@
 """Excitation: pressures that make parameters known, and how well, before anything is measured.
 
-Four pieces follow each other, between which the arm rests at the middle of its pressures: steps that are held, at every
-input alone and all together (stiffness, rest), a multisine of all inputs at once (everything), and a release, which is
-a fast fall of one side's pressures from a bent pose (damping where nobody pulls at the arm). All stay within the
-pressure range of every section and within the lengths of the model's poses.
+The pressures are a programme (:mod:`bha.estimation.programme`) within the pressure range of every section and the
+lengths of the model's poses.
 
 How well each parameter would be known follows from the Fisher information of the simulated log with the sensor noise
 that is asked for; nothing is fitted.
@@ -22,6 +20,7 @@ from bha.errors import ConvergenceError, InputError
 from bha.estimation.engine import Model
 from bha.estimation.free import FreeParameter, default_free, resolve
 from bha.estimation.integration import choose_integration
+from bha.estimation.programme import KINDS, Programme, bounded, commands
 from bha.estimation.records import Record, windows
 from bha.estimation.solver import Point, Problem, Residuals
 from bha.identification.identifiability import Combination, unknown_combinations
@@ -33,10 +32,6 @@ from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
-KINDS = ("hold", "multisine", "release")
-#: What a valve does to a commanded step, at the least: a ramp of this length, s.
-RAMP = 0.1
-_SINES = 12
 #: Most samples of a proposal.
 MOST_SAMPLES = 5_000_000
 
@@ -81,8 +76,7 @@ class Excitation:
 
     def log(self) -> Log:
         """The commanded pressures as a log (``pc11 [Pa]``, ...)."""
-        columns = {f"pc{name.removeprefix('p')} [Pa]": p for name, p in zip(self.inputs, self.pressures.T, strict=True)}
-        return Log.from_arrays({"t [s]": self.time, **columns}, origin="<excitation>")
+        return commands(self.time, self.pressures, self.inputs, origin="<excitation>")
 
 
 def excite(
@@ -124,18 +118,13 @@ def excite(
             f"duration: {duration:g} s at {rate:g} samples a second; allowed: 1 to {MOST_SAMPLES / rate:.6g} s at "
             "this rate, and longer ones at a lower rate"
         )
-    low, high = _limits(arm)
-    share = amplitude
-    for _ in range(12):
-        time, pressures = _signal(arm, low, high, duration, rate, kinds, share, highest_frequency, seed)
-        if _stays_within(arm, time, pressures):
-            break
-        share *= 0.8
-    else:
+    made = bounded(arm, Programme(tuple(kinds), amplitude, highest_frequency, duration, rate, seed))
+    if made is None:
         raise ConvergenceError(
             "even small pressures about the middle of the range drive the model out of its lengths; check "
             "pressure_range, length_range and stiffness of the arm"
         )
+    time, pressures = made
     prospects, unknown = predict_knowledge(
         arm, time, pressures, default_free(arm.parameters) if free is None else free, noise
     )
@@ -178,98 +167,6 @@ def predict_knowledge(
         for c, v in zip(coordinates, variances, strict=True)
     )
     return prospects, unknown
-
-
-def _signal(
-    arm: Arm,
-    low: Array,
-    high: Array,
-    duration: float,
-    rate: float,
-    kinds: Sequence[str],
-    share: float,
-    highest: float,
-    seed: int,
-) -> tuple[Array, Array]:
-    random = np.random.default_rng(seed)
-    time = np.arange(round(duration * rate) + 1) / rate
-    middle, reach = (low + high) / 2.0, share * (high - low) / 2.0
-    unit = np.zeros((len(time), len(low)))
-    edges = np.linspace(0, len(time), len(kinds) + 1).astype(int)
-    makers = {"hold": _holds, "release": _releases}
-    for kind, first, last in zip(kinds, edges[:-1], edges[1:], strict=True):
-        if kind == "multisine":
-            unit[first:last] = _multisine(random, time[first:last] - time[first], len(low), highest)
-        else:
-            unit[first:last] = makers[kind](random, last - first, len(low), rate)
-    ramp = max(1, round(RAMP * rate))
-    kernel = np.ones(ramp) / ramp
-    # Smoothed from the past only, so that nothing moves before it is commanded.
-    smooth = np.column_stack(
-        [np.convolve(np.concatenate([np.full(ramp - 1, u[0]), u]), kernel, "valid") for u in unit.T]
-    )
-    return time, middle + reach * smooth
-
-
-def _multisine(random: np.random.Generator, t: Array, inputs: int, highest: float) -> Array:
-    """Sums of sines with random phases, others for every input, faded in and out, within -1 to 1."""
-    lines = np.geomspace(max(1.0 / t[-1], 0.05), highest, _SINES * inputs).reshape(_SINES, inputs)
-    phases = random.uniform(0.0, 2.0 * np.pi, lines.shape)
-    signal = np.zeros((len(t), inputs))
-    for line, phase in zip(lines, phases, strict=True):
-        signal += np.sin(2.0 * np.pi * line * t[:, None] + phase)
-    fade = np.clip(np.minimum(t, t[-1] - t) / 1.0, 0.0, 1.0)[:, None]
-    return np.asarray(fade * signal / np.abs(signal).max(axis=0))
-
-
-def _holds(random: np.random.Generator, count: int, inputs: int, rate: float) -> Array:
-    """Levels held for a while: all inputs together first, then each alone, in random order and of random height."""
-    patterns = [np.full(inputs, level) for level in (0.8, -0.6)]
-    patterns += [s * np.eye(inputs)[j] for j in random.permutation(inputs) for s in (1.0, -1.0)]
-    each = max(1, count // len(patterns))
-    unit = np.zeros((count, inputs))
-    for k, pattern in enumerate(patterns):
-        level = pattern * random.uniform(0.6, 1.0)
-        # Held for two thirds, then back to the middle: steps of both signs.
-        unit[k * each : k * each + (2 * each) // 3] = level
-    return unit
-
-
-def _releases(random: np.random.Generator, count: int, inputs: int, rate: float) -> Array:
-    """One side up, held, then let go at once, with time to swing."""
-    repeats = max(1, min(4, int(count / rate / 4.0)))
-    each = count // repeats
-    unit = np.zeros((count, inputs))
-    for k in range(repeats):
-        unit[k * each : k * each + each // 3] = np.where(random.random(inputs) < 0.5, 1.0, -0.7)
-    return unit
-
-
-def _limits(arm: Arm) -> tuple[Array, Array]:
-    """Lowest and highest pressure of each input, Pa: the narrowest of the sections it feeds."""
-    low, high = np.zeros(len(arm.inputs)), np.full(len(arm.inputs), np.inf)
-    for number, section in enumerate(arm.parameters.sections, start=1):
-        for bellows in section.resolved_bellows(number):
-            j = arm.inputs.index(bellows.input)
-            low[j] = max(low[j], section.pressure_range[0])
-            high[j] = min(high[j], section.pressure_range[1])
-    return low, high
-
-
-def _stays_within(arm: Arm, time: Array, pressures: Array) -> bool:
-    """Whether the poses that the pressures hold keep within the lengths of the arm, with a tenth to spare outside."""
-    every = max(1, len(time) // 200)
-    start: Array | None = None
-    ranges = np.repeat([s.length_range for s in arm.parameters.sections], 3, axis=0)
-    spare = 0.1 * (ranges[:, 1] - ranges[:, 0])
-    for row in pressures[::every]:
-        try:
-            start = arm.static_lengths(row, start=start)
-        except ConvergenceError:
-            return False
-        if np.any(start < ranges[:, 0] - spare) or np.any(start > ranges[:, 1] + spare):
-            return False
-    return True
 
 
 def _check(
