@@ -4,6 +4,7 @@ from bha.viewer.app import Viewer
 from bha.viewer.motions import Moment, Motion, motions_of
 from bha.viewer.pages import Page, checked_page_path, page
 from bha.viewer.start import view
+from bha.viewer.still import draw_arm
 from bha.viewer.videos import checked_video_path, write_video
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "Viewer",
     "checked_page_path",
     "checked_video_path",
+    "draw_arm",
     "motions_of",
     "page",
     "view",

@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 from bha.support.extras import import_extra
 from bha.viewer.colors import BASE, BESIDE, MEASURED, RIGID, Colors, PressureScale
 from bha.viewer.geometry import Picture, axes_with_z, base_frame, layout_of, picture, up_direction
+from bha.viewer.motions import magnification
+from bha.viewer.show import Show
 from bha.viewer.solids import Mesh, Solids, convolution, cylinder
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from bha.arm import Arm
-    from bha.viewer.motions import Moment
+    from bha.viewer.motions import Moment, Motion
 
 Array = NDArray[np.float64]
 
@@ -41,13 +45,15 @@ class Still:
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
-        figures = import_extra("matplotlib.figure", extra="view", purpose="Drawing arms")
+        import_extra("matplotlib", extra="view", purpose="Drawing arms")
+        from bha.plot.figure import ShownFigure  # noqa: PLC0415  (matplotlib is there)
+
         agg = import_extra("matplotlib.backends.backend_agg", extra="view", purpose="Drawing arms")
         self._art = import_extra("mpl_toolkits.mplot3d.art3d", extra="view", purpose="Drawing arms")
         self._layout, self._scale, self._compared = layout_of(arm), PressureScale.of(arm), compared
         self._world = axes_with_z(up_direction(arm))
         self._fold, self._plate = convolution(*_FOLD), cylinder(*_PLATE)
-        self.figure = figures.Figure(figsize=(WIDTH / _DENSITY, HEIGHT / _DENSITY), dpi=_DENSITY)
+        self.figure = ShownFigure(figsize=(WIDTH / _DENSITY, HEIGHT / _DENSITY), dpi=_DENSITY)
         self._canvas = agg.FigureCanvasAgg(self.figure)
         self._axes: Any = self.figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
         self._stand()
@@ -106,6 +112,7 @@ class Still:
         bodies = self._art.Poly3DCollection(
             np.concatenate(triangles), facecolors=np.concatenate(colors), linewidths=0.0, antialiaseds=False, zorder=1
         )
+        bodies.set_rasterized(True)  # in a vector file thousands of triangles were too many
         self._drawn.append(self._axes.add_collection3d(bodies))
         if self._compared:
             self._draw_gap(moments[0], magnify)
@@ -153,3 +160,32 @@ class Still:
         eye = (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation))
         seen = normals @ np.array(eye) > 0.0
         return corners[seen], paint[seen]
+
+
+def draw_arm(
+    arm: Arm,
+    motions: Sequence[Motion] = (),
+    *,
+    time: float | None = None,
+    magnify: float | None = None,
+    caption: str = "",
+) -> Figure:
+    """An arm at a moment of motions, without a browser; at rest under ambient pressure without any.
+
+    Args:
+        arm: the arm.
+        motions: of :func:`bha.viewer.motions_of`.
+        time: s, by the clock of the first motion; its start if None.
+        magnify: how many times as long as they are gaps are drawn; None: so that they are seen.
+        caption: text above.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    show = Show(arm, motions)
+    if time is not None:
+        show.go_to(time)
+    still = Still(arm, compared=bool(motions) and motions[0].measured is not None)
+    drawn = float(magnification(motions, still.reach)) if magnify is None else magnify
+    still.draw(show.moments(), caption, drawn)
+    return still.figure
