@@ -21,7 +21,7 @@ from bha.cli.common import (
 from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs, repair_option
 from bha.diagnosis import diagnose as run
 from bha.diagnosis.result import Diagnosis, Number
-from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, headline
+from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, experiment_in_words, headline
 from bha.recordings import PressureSort
 
 
@@ -105,6 +105,8 @@ def _print(found: Diagnosis, out: Path) -> None:
         say(f"{effect.kind} at {effect.where}: {numbers}; confidence {effect.confidence:.2f}{empirical}")
         if alike := alike_in_words(effect):
             say(f"  {alike}")
+    if found.next_experiment is not None:
+        say(experiment_in_words(found.next_experiment), head="next: ")
     if found.effects:
         say(found.reason)
     elif found.candidates:

@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     from bha.diagnosis.refit import Trial
     from bha.diagnosis.result import Diagnosis
     from bha.diagnosis.select import Rules
+    from bha.diagnosis.words import headline
     from bha.diagnosis.workflow import Investigation, run
     from bha.logs import Log
     from bha.recordings import PressureSort, Recording
 
-__all__ = ["Diagnosis", "Investigation", "Rules", "Trial", "diagnose", "run"]
+__all__ = ["Diagnosis", "Investigation", "Rules", "Trial", "diagnose", "headline", "run"]
 
 #: Name -> its module: imported when first asked for, since SciPy is an extra.
 _LATER = {
@@ -38,6 +39,7 @@ _LATER = {
     "Investigation": "bha.diagnosis.workflow",
     "Rules": "bha.diagnosis.select",
     "Trial": "bha.diagnosis.refit",
+    "headline": "bha.diagnosis.words",
     "run": "bha.diagnosis.workflow",
 }
 
@@ -106,6 +108,7 @@ def diagnose(
     folder = None if out is None else make_folder(out)
     from bha.diagnosis import workflow, written  # noqa: PLC0415  (SciPy is an extra)
     from bha.diagnosis.cache import cache_folder  # noqa: PLC0415
+    from bha.diagnosis.splitting import split  # noqa: PLC0415
 
     if not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise InputError(f"tolerance: found {tolerance}; allowed: a finite number >= 0 (m)")
@@ -131,9 +134,12 @@ def diagnose(
         )
         made = written.made_by(command, seed, train, held)
         setup = [*checkup.repairs, *outcome.diagnosis.setup]
-        outcome = replace(outcome, diagnosis=outcome.diagnosis.model_copy(update={"made": made, "setup": setup}))
+        diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
+        proposal = split(diagnosed, outcome.diagnosis, outcome.holdout.problem.records[0].observation, seed)
+        experiment = None if proposal is None else written.experiment_of(proposal, folder)
+        update = {"made": made, "setup": setup, "next_experiment": experiment}
+        outcome = replace(outcome, diagnosis=outcome.diagnosis.model_copy(update=update))
         if folder is not None:
-            diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
             diagnosed.save(folder / "arm_diagnosed.toml")
             if report:
                 from bha.diagnosis.report import write_report  # noqa: PLC0415  (Plotly is an extra)

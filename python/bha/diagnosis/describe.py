@@ -76,7 +76,7 @@ def describe(
     alike = excitation.Likenesses((), np.empty((0, 0)))
     if state.screening is not None and best:
         alike = excitation.compare(state.screening, signatures, best)
-    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed) if named else []
+    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed, best) if named else []
     confused = [e.kind for e in effects if e.one_of]
     confused += [other.kind for e in effects for other in e.one_of]
     values = {
@@ -180,6 +180,7 @@ def _effects(
     problem: Problem,
     correlation: float,
     seed: int,
+    best: dict[tuple[str, str], excitation.Best],
 ) -> list[Effect]:
     result = []
     draws = coordinate_draws(problem, final.fit, seed)
@@ -204,7 +205,7 @@ def _effects(
         refitted = {t.key[number] for t, _ in rivals}
         for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
             if (kind, where) not in refitted:
-                alike.setdefault((kind, where), Alternative(kind=kind, where=where))
+                alike.setdefault((kind, where), _promised(best.get((kind, where)), kind, where))
         compared = [t for t, _ in rivals[:5]]
         shares = confidences(problem, [chosen, *compared], seed) if rivals else np.ones(1)
         in_class = [k for k, t in enumerate(compared, start=1) if t.key[number] in alike]
@@ -235,6 +236,21 @@ def _alternative(trial: Trial, number: int) -> Alternative:
     units = core_ranges()
     numbers = {name: Number(value=value, unit=units(term.kind, name)[0]) for name, value in values.items()}
     return Alternative(kind=candidate.kind, where=candidate.where, parameters=numbers)
+
+
+def _promised(entry: excitation.Best | None, kind: str, where: str) -> Alternative:
+    """An effect that was not refitted, with the numbers that the screening promises it."""
+    if entry is None:
+        return Alternative(kind=kind, where=where)
+    units = core_ranges()
+    term, start = entry.scored.candidate.term(entry.scored.strengths, units)
+    strengths = dict(zip((s.name for s in entry.scored.candidate.plan.strengths), entry.scored.strengths, strict=False))
+    x = [
+        c.coordinate(strengths[str(c.path[-1])]) if str(c.path[-1]) in strengths else v
+        for c, v in zip(term.coordinates, start, strict=True)
+    ]
+    numbers = {name: Number(value=v, unit=units(kind, name)[0]) for name, v in term.parameters(x).items()}
+    return Alternative(kind=kind, where=where, parameters=numbers)
 
 
 def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bha.diagnosis import figures
 from bha.diagnosis.arm_figure import arm_figure
-from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, headline, in_words
+from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, experiment_in_words, headline, in_words
 from bha.support.extras import import_extra
 from bha.support.files import written_whole
 
@@ -68,6 +68,10 @@ def report_html(outcome: Investigation, arm: Arm) -> str:
     if found.effects:
         parts.append("<h2>What was found</h2>")
         parts += [_effect(e) for e in found.effects]
+        if found.next_experiment is not None:
+            parts.append(
+                f"<p><b>Next experiment.</b> {escape(_capital(experiment_in_words(found.next_experiment)))}.</p>"
+            )
     parts.append("<h2>The arm, measured against simulated</h2>")
     figure.add(arm_figure(outcome, arm))
     figure.add(figures.trace_figure(outcome))

@@ -159,6 +159,22 @@ class Gap(Table):
     tolerance: Finite = 0.0
 
 
+class NextExperiment(Table):
+    """Pressures that would split the first class.
+
+    Attributes:
+        members: what they set apart, ``kind at where``.
+        distance: standard deviations between the two that stay nearest.
+        splits: whether that is enough to tell all of them apart.
+        file: where the commands are written, None where nothing is.
+    """
+
+    members: list[str]
+    distance: Finite
+    splits: bool
+    file: str | None = None
+
+
 class CandidateLine(Table):
     """A candidate: its score in the screening and, where it was refitted, what that gave.
 
@@ -203,6 +219,7 @@ class Diagnosis(Table):
         reason: why the verdict is what it is, in a sentence.
         complete: whether the search came to its end; false after Ctrl-C.
         seconds: time it took, s.
+        next_experiment: pressures that would split the class, of the verdict ``one_of``.
         made: when and how it was made; None in files of earlier versions.
         schema_name: version of this schema.
     """
@@ -221,6 +238,7 @@ class Diagnosis(Table):
     logs: list[dict[str, Any]]
     complete: bool = True
     seconds: Finite = 0.0
+    next_experiment: NextExperiment | None = None
     made: Made | None = None
 
     @property

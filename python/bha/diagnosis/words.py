@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from bha.parameters import EFFECT_KINDS, Place
 
 if TYPE_CHECKING:
-    from bha.diagnosis.result import Alternative, Diagnosis, Effect, Gap
+    from bha.diagnosis.result import Alternative, Diagnosis, Effect, Gap, NextExperiment
 
 Numbers = Mapping[str, float]
 
@@ -342,6 +342,18 @@ def alike_in_words(effect: Effect) -> str:
     names = [f"{other.kind} at {other.where}" for other in effect.one_of]
     text = f"these logs cannot tell it from {', '.join(names)}"
     return text + (f"; what would: {effect.experiment}" if effect.experiment else "")
+
+
+def experiment_in_words(experiment: NextExperiment) -> str:
+    """Whether pressures alone split the class, and which."""
+    members = " or ".join(experiment.members)
+    if not experiment.splits:
+        return (
+            f"no pressures that were tried would tell {members}: at the most {experiment.distance:.2g} standard "
+            "deviations apart"
+        )
+    where = f": run {experiment.file} and diagnose with its log too" if experiment.file else ""
+    return f"pressures would tell {members} ({experiment.distance:.3g} standard deviations apart){where}"
 
 
 def errors_in_words(gap: Gap, *, named: bool) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -9,24 +10,29 @@ from typing import TYPE_CHECKING, Any
 
 from bha._core import __version__
 from bha.diagnosis.model import Model
-from bha.diagnosis.result import Made, SourceFile
+from bha.diagnosis.result import Made, NextExperiment, SourceFile
 from bha.errors import FileError, InputError, way_out
 from bha.support.files import check_target
 
 if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.diagnosis.result import Number
+    from bha.diagnosis.splitting import Splitting
     from bha.diagnosis.workflow import Investigation
     from bha.logs import Log
     from bha.parameters.sensors import SensorsParameters
     from bha.recordings import Recording
 
 
+#: The commands of the experiment that would split a class.
+NEXT_EXPERIMENT = "next_experiment.csv"
 #: The files of a diagnosis, each with what stands near its beginning.
 RESULTS = {
-    "diagnosis.json": b'"bha-diagnosis/',
-    "arm_diagnosed.toml": b'"bha-arm/',
-    "report.html": b"<title>Diagnosis of ",
+    "diagnosis.json": re.compile(rb'"bha-diagnosis/'),
+    "arm_diagnosed.toml": re.compile(rb'"bha-arm/'),
+    "report.html": re.compile(rb"<title>Diagnosis of "),
+    # Commands and nothing that was measured.
+    NEXT_EXPERIMENT: re.compile(rb"\At \[s\](,pc[0-9_]+ \[Pa\])+\r?\n"),
 }
 _BEGINNING = 16_384
 
@@ -50,7 +56,7 @@ def check_results(folder: Path, *, report: bool) -> None:
             continue
         except OSError as error:
             raise FileError(f"{path}: cannot be read: {way_out(error)}") from error
-        if begins and mark not in begins:
+        if begins and mark.search(begins) is None:
             raise InputError(f"{path}: was not written by bha diagnose; move it away, or name another folder")
 
 
@@ -60,6 +66,18 @@ def made_by(command: str, seed: int, train: Sequence[Recording], held: Sequence[
     files += [SourceFile(name=r.name, part="held out", sha256=r.log.sha256) for r in held]
     now = datetime.now().astimezone().isoformat(timespec="seconds")
     return Made(date=now, version=__version__, command=command, seed=seed, files=files)
+
+
+def experiment_of(proposal: Splitting, folder: Path | None) -> NextExperiment:
+    """What a proposal is in the result; its commands are written into the folder where there is one."""
+    if folder is not None:
+        proposal.log().write(folder / NEXT_EXPERIMENT)
+    return NextExperiment(
+        members=list(proposal.members),
+        distance=min(proposal.distance, 1e9),
+        splits=proposal.splits,
+        file=None if folder is None else NEXT_EXPERIMENT,
+    )
 
 
 def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:

@@ -1,0 +1,200 @@
+"""The next experiment as pressures: what would split a class that the logs leave open.
+
+What: arms that have one member of the class each are simulated under many programmes of pressures
+(:mod:`bha.estimation.programme`). Between two of them counts what is left of their difference in the measured outputs,
+over noise, after all that could be refitted has taken what it can: the usual parameters of the arm and the strengths of
+both members, linearly. Its norm is how many standard deviations apart the two would be found. The programme whose worst
+pair is furthest apart is proposed.
+Validity: noise that is white at the rows of the simulation; members whose numbers are those of a refit, or of the
+screening. What the model lacks beside them is not in it: double the distance that is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.arm import Arm
+from bha.errors import BhaError
+from bha.estimation.free import apply, default_free, resolve
+from bha.estimation.programme import KINDS, Programme, bounded, commands
+from bha.logs import Log
+from bha.parameters import EFFECT_KINDS
+from bha.runs.input import Input
+from bha.simulation import simulate_batch
+
+if TYPE_CHECKING:
+    from bha.diagnosis.result import Diagnosis, Effect
+    from bha.recordings import Observation
+
+Array = NDArray[np.float64]
+
+#: Standard deviations from which on two members count as told apart: twice the usual three, since no model is right.
+TOLD = 6.0
+#: Members of a class that are set apart, at the most: the likeliest.
+MOST_MEMBERS = 4
+#: Length of a programme, s, and rows a second that are compared.
+DURATION, RATE, ROWS = 30.0, 100.0, 25.0
+#: Relative change for differences.
+CHANGE = 1e-3
+
+
+@dataclass(frozen=True)
+class Splitting:
+    """Pressures that would split a class.
+
+    Attributes:
+        time: s, shape (m,).
+        pressures: commanded, Pa absolute, shape (m, inputs).
+        inputs: names of the inputs.
+        members: what is set apart, ``kind at where``.
+        distance: of the worst pair, in standard deviations.
+        splits: whether that is enough.
+    """
+
+    time: Array
+    pressures: Array
+    inputs: tuple[str, ...]
+    members: tuple[str, ...]
+    distance: float
+
+    @property
+    def splits(self) -> bool:
+        """Whether the worst pair would be told apart."""
+        return self.distance >= TOLD
+
+    def log(self) -> Log:
+        """The commanded pressures as a log (``pc11 [Pa]``, ...)."""
+        return commands(self.time, self.pressures, self.inputs, origin="<next experiment>")
+
+
+def split(arm: Arm, found: Diagnosis, observation: Observation, seed: int = 0) -> Splitting | None:
+    """Pressures that would split the first class of a diagnosis; None where there is none that can be simulated.
+
+    Args:
+        arm: the diagnosed arm, with all that was named as its last effects.
+        found: the diagnosis.
+        observation: what is measured of the arm.
+        seed: of the programmes.
+    """
+    effect = next((e for e in found.effects if e.one_of), None)
+    if effect is None:
+        return None
+    members = arms_of_class(arm, effect)
+    if len(members) < 2:
+        return None
+    best: Splitting | None = None
+    for programme in _programmes(seed):
+        made = bounded(arm, programme)
+        if made is None:
+            continue
+        time, pressures = made
+        distance = apart([a for _, a in members], effect, time, pressures, observation, found.gap.noise)
+        if np.isfinite(distance) and (best is None or distance > best.distance):
+            best = Splitting(time, pressures, arm.inputs, tuple(name for name, _ in members), float(distance))
+    return best
+
+
+def arms_of_class(arm: Arm, effect: Effect) -> list[tuple[str, Arm]]:
+    """An arm a member of the class of ``effect``, which ``arm`` has; with its name."""
+    effects = list(arm.parameters.effects)
+    place = next((k for k, e in enumerate(effects) if (e.kind, e.where) == (effect.kind, effect.where)), None)
+    if place is None:
+        return []
+    others = [*effects[:place], *effects[place + 1 :]]
+    members = [(f"{effect.kind} at {effect.where}", arm.with_effects([*others, effects[place]]))]
+    for other in effect.one_of[: MOST_MEMBERS - 1]:
+        numbers = {name: n.value for name, n in other.parameters.items()}
+        if not numbers and EFFECT_KINDS[other.kind].parameters:
+            continue
+        table = {"kind": other.kind, "where": other.where, **numbers}
+        members.append((f"{other.kind} at {other.where}", arm.with_effects([*others, table])))
+    return members
+
+
+def apart(
+    members: Sequence[Arm],
+    effect: Effect,
+    time: Array,
+    pressures: Array,
+    observation: Observation,
+    noise: float,
+) -> float:
+    """How far apart the nearest two of the arms would be found, in standard deviations; NaN where one diverges."""
+    coordinates = resolve(members[0].parameters, default_free(members[0].parameters))
+    zero = np.zeros(len(coordinates))
+    varied: list[Arm] = []
+    for k in range(len(coordinates)):
+        changed = zero.copy()
+        changed[k] = CHANGE
+        varied.append(Arm(apply(members[0].parameters, coordinates, changed)))
+    for member in members:
+        varied += _stronger(member)
+    rows = np.arange(0.0, time[-1], 1.0 / ROWS)
+    drive = Input(time, pressures)
+    arms = [*members, *varied]
+    try:
+        starts = [np.concatenate([a.static_lengths(pressures[0]), np.zeros(3 * a.section_count)]) for a in arms]
+        batch = simulate_batch(
+            arms,
+            drive,
+            np.array(starts),
+            times=rows,
+            head_positions=observation.needs_positions,
+            measured=True,
+            warn=False,
+        )
+    except BhaError:
+        return float("nan")
+    if any(batch.failures):
+        return float("nan")
+    heads = batch.head_positions
+    outputs = observation.predicted(batch.lengths, heads).reshape(len(arms), -1) / noise
+    base, sensitivities = outputs[: len(members)], outputs[len(members) :]
+    columns = [sensitivities[k] - base[0] for k in range(len(coordinates))]
+    place = len(coordinates)
+    for k, member in enumerate(members):
+        count = len(_stronger(member))
+        columns += [sensitivities[place + j] - base[k] for j in range(count)]
+        place += count
+    taken = np.array(columns).T
+    taken = taken / np.maximum(np.linalg.norm(taken, axis=0), 1e-300)
+    orthonormal, triangle = np.linalg.qr(taken)
+    kept = orthonormal[:, np.abs(np.diag(triangle)) > 1e-9]
+    worst = np.inf
+    for a, b in combinations(range(len(members)), 2):
+        difference = base[a] - base[b]
+        rest = difference - kept @ (kept.T @ difference)
+        worst = min(worst, float(np.linalg.norm(rest)))
+    return worst
+
+
+def _stronger(arm: Arm) -> list[Arm]:
+    """The arm with each number of its last effect, but zeros, a little greater."""
+    effects = list(arm.parameters.effects)
+    last, made = effects[-1], []
+    for name, value in last.parameters.items():
+        if value:
+            table = {"kind": last.kind, "where": last.where, **last.parameters, name: value * (1.0 + CHANGE)}
+            made.append(arm.with_effects([*effects[:-1], table]))
+    return made
+
+
+def _programmes(seed: int) -> list[Programme]:
+    """What is tried: every sort of piece alone and all together, small and large, slow and fast."""
+    sorts = [(kind,) for kind in KINDS] + [KINDS]
+    tried = [
+        Programme(kinds, amplitude, highest, DURATION, RATE, seed + k)
+        for k, (kinds, amplitude, highest) in enumerate(
+            (kinds, amplitude, highest)
+            for kinds in sorts
+            for amplitude in (0.4, 0.8)
+            for highest in ((1.0, 3.0) if "multisine" in kinds else (3.0,))
+        )
+    ]
+    return tried
