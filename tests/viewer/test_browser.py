@@ -123,6 +123,8 @@ def test_from_python_it_goes_where_it_is_told() -> None:
         assert not viewer.show.live
         with pytest.raises(InputError, match="speed"):
             viewer.play(0.0)
+        viewer._asked(lambda: viewer.show.command([1.0]))  # as a user of the page asks
+        assert "pressures: expected shape" in viewer._panel._message.content
     assert repr(viewer) == "<Viewer of 'bha_nominal', stopped>"
     viewer.stop()
 

@@ -157,6 +157,20 @@ def test_a_live_arm_goes_on_from_what_is_shown_and_comes_to_rest_under_its_comma
     assert show.moments()[0].lengths == pytest.approx(before.lengths)
 
 
+def test_after_a_live_arm_has_diverged_it_begins_again(log: bha.Log) -> None:
+    show = Show(made.arm(), motions_of(made.arm(), [log]))
+    show.go_live()
+    show.command(np.full(9, 2e5))
+    show.recover()
+    assert not show.live
+    assert show.commands.tolist() == show.relaxed.tolist() == [101325.0] * 9
+    alone = Show(made.arm())
+    alone.command(np.full(9, 2e5))
+    alone.recover()
+    assert alone.live
+    np.testing.assert_allclose(alone.moments()[0].lengths, made.arm().static_lengths(alone.relaxed))
+
+
 def test_an_arm_alone_is_live() -> None:
     arm = made.arm()
     show = Show(arm)

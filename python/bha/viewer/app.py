@@ -55,7 +55,7 @@ class Viewer:
         try:
             self._scene = Scene(self._server, arm, max(1, len(motions)), compared=compared)
             reach = self._scene.layout.reach
-            self._panel = Panel(self._server.gui, self._show, self._scene.scale, reach, self._do)
+            self._panel = Panel(self._server.gui, self._show, self._scene.scale, reach, self._asked)
             self._server.on_client_connect(self._greet)
             self._draw(controls=True)
         except BaseException:
@@ -170,6 +170,13 @@ class Viewer:
             act()
             self._draw(controls=True)
 
+    def _asked(self, act: Callable[[], Any]) -> None:
+        """Do what a user has asked for; what goes wrong is told beside the controls."""
+        try:
+            self._do(act)
+        except BhaError as error:
+            self._panel.say(str(error))
+
     def _draw(self, *, controls: bool) -> None:
         moments = self._show.moments()
         self._scene.frames_wanted = self._panel.frames_wanted
@@ -188,9 +195,10 @@ class Viewer:
                     if self._show.advance(now - last):
                         self._draw(controls=now - controls > 1.0 / _CONTROLS)
                         controls = now if now - controls > 1.0 / _CONTROLS else controls
-                except BhaError as error:  # the live arm diverges: tell it, and begin again
+                except BhaError as error:  # the live arm diverges
                     self._panel.say(str(error))
-                    self._show.go_live()
+                    self._show.recover()
+                    self._draw(controls=True)
             last = now
 
 

@@ -105,7 +105,9 @@ class Motion:
         """Distances between shown and measured heads at the measured rows, m, shape (r, n); None without any."""
         if self.measured is None:
             return None
-        shown = np.stack([_between(self.time, self.heads, float(t)) for t in self.measured.time])
+        shown = np.empty_like(self.measured.heads)
+        for place in np.ndindex(shown.shape[1:]):
+            shown[:, *place] = np.interp(self.measured.time, self.time, self.heads[:, *place])
         return np.asarray(np.linalg.norm(self.measured.heads - shown, axis=-1))
 
 

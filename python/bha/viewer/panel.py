@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,8 @@ PASCAL_PER_KILOPASCAL, MILLIMETRES_PER_METRE = 1e3, 1e3
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10", "50")
 #: Of more inputs than this the sliders are folded away at first.
 _MANY_INPUTS = 12
+#: Rows of the chart of the gap: more than it has pixels across.
+_MOST_CHART_ROWS = 600
 
 
 class Panel:
@@ -112,7 +115,7 @@ class Panel:
         def relax() -> None:
             if show.motions and not show.live:
                 show.go_live()
-            show.command(np.clip(show.arm.parameters.ambient_pressure, limits.low, limits.high))
+            show.command(show.relaxed)
 
         ambient.on_click(lambda _: changed(relax))
         if self._live is not None:
@@ -136,7 +139,26 @@ class Panel:
                 "Arrows", tuple(f"{m} times" for m in MAGNIFICATIONS), initial_value=f"{self.magnify:.0f} times"
             )
             self._gap = gui.add_markdown("")
+            self._add_gap_over_time(gui)
         drawn.on_update(lambda event: setattr(self, "magnify", float(event.target.value.split()[0])))
+
+    def _add_gap_over_time(self, gui: Any) -> None:
+        motion = self._show.motions[0]
+        gaps, measured = motion.gaps(), motion.measured
+        if gaps is None or measured is None:
+            return
+        rows = np.unique(np.linspace(0, len(gaps) - 1, _MOST_CHART_ROWS).round().astype(int))
+        series: list[dict[str, Any]] = [{"label": "t [s]"}]
+        series += [
+            {"label": f"head {k + 1} [mm]", "stroke": f"rgb{color}", "width": 1.5}
+            for k, color in zip(range(gaps.shape[1]), cycle((MEASURED, *BESIDE)))
+        ]
+        gui.add_uplot(
+            (measured.time[rows] - self._show.start, *(MILLIMETRES_PER_METRE * gaps[rows].T)),
+            tuple(series),
+            scales={"x": {"time": False}},
+            aspect=1.8,
+        )
 
     def refresh(self, moment: Any) -> None:
         """Show what has become of time, pressures and gap; of a moment of the first arm."""

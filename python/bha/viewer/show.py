@@ -49,7 +49,9 @@ class Show:
         self.end = float(self.motions[0].time[-1]) if self.motions else 0.0
         self.time, self.playing, self.speed, self.repeat = self.start, False, 1.0, True
         limits = Limits.of(arm)
-        self.commands = np.clip(arm.parameters.ambient_pressure, limits.low, limits.high)
+        #: Ambient pressure, or what of the permitted range is nearest to it, Pa absolute, shape (inputs,).
+        self.relaxed = np.clip(arm.parameters.ambient_pressure, limits.low, limits.high)
+        self.commands = self.relaxed
         self._live: Stepper | None = None
         if not self.motions:
             self.go_live()
@@ -80,6 +82,12 @@ class Show:
         if not self.motions:
             raise InputError("nothing is recorded; give the viewer a log or a trajectory")
         self._live = None
+
+    def recover(self) -> None:
+        """Begin again after the live arm has diverged: the recorded motion, or the arm relaxed."""
+        self.commands, self._live = self.relaxed, None
+        if not self.motions:
+            self.go_live()
 
     def command(self, pressures: ArrayLike) -> None:
         """Set what the live arm is commanded, Pa absolute, shape (inputs,).
