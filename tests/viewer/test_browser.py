@@ -91,7 +91,7 @@ def test_the_arm_is_seen_and_follows_the_slider(browser: Any) -> None:
 
 def test_a_page_plays_from_a_file_without_a_network(browser: Any, tmp_path: Path) -> None:
     arm = made.arm()
-    written = page(arm, motions_of(arm, [made.log(seconds=1.0)]), rate=5.0).write(tmp_path / "page.html")
+    written = page(arm, motions_of(arm, [made.log(seconds=1.0)]), rate=2.0).write(tmp_path / "page.html")
     context = browser.new_context(offline=True, viewport={"width": 900, "height": 400})
     opened = context.new_page()
     asked: list[str] = []

@@ -25,8 +25,8 @@ _BESIDE_OPACITY = 0.45
 _MARKER, _SHAFT, _POINT, _POINT_LENGTH = 0.012, 0.003, 0.008, 0.02
 #: Of axes: length over the radius of the widest plate, so that they are seen beside it; radius over their length.
 _AXES, _AXES_RADIUS = 1.4, 0.02
-#: Light from all around, and how much: colours must stay those of the scale.
-_SURROUNDINGS, _INTENSITY = "studio", 0.35
+#: Light from all around, beside that from above: colours must stay those of the scale.
+_AMBIENT = 1.3
 #: Where the camera stands at first, in lengths of the arm from the middle of it: beside, before and above.
 _CAMERA = (1.6, 0.9, 0.35)
 #: In a narrow window: how much further away, and how far above the middle the arm is seen, in its lengths.
@@ -91,7 +91,9 @@ class Scene:
         rotation, origin = base_frame(arm)
         self._scene.set_up_direction(tuple(up))
         self._scene.configure_default_lights(True, cast_shadow=False)
-        self._scene.configure_environment_map(_SURROUNDINGS, environment_intensity=_INTENSITY)
+        # No picture of surroundings: without a graphics card it takes seconds until that lights anything.
+        self._scene.configure_environment_map(None)
+        self._scene.add_light_ambient("/light", intensity=_AMBIENT)
         length = _AXES * self.layout.width
         self._scene.add_frame(
             "/base",
