@@ -15,7 +15,7 @@ import numpy as np
 from bha import robots
 from bha.arm import Arm
 from bha.cli.terminal import INTERRUPTED, console, errors_as_lines, fail, progress_bar, say, table
-from bha.errors import BhaError, ParameterError
+from bha.errors import BhaError, InputError, ParameterError, way_out
 from bha.parameters.base import nearest
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "load_arm",
     "print_json",
     "progress_bar",
+    "read_json",
     "reports_errors",
     "say",
     "table",
@@ -83,6 +84,23 @@ def reports_errors(command: Callable[P, R]) -> Callable[P, R]:
 def print_json(values: dict[str, Any]) -> None:
     """One JSON object on standard output; NumPy values as numbers and lists."""
     click.echo(json.dumps(values, default=_plain))
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object that a command has printed into a file.
+
+    Raises:
+        InputError: the file cannot be read, or holds no JSON object.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: {way_out(error)}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: no JSON ({error}); redirect what a command with --json prints") from error
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: {type(found).__name__}; a JSON object is needed, as commands with --json print it")
+    return found
 
 
 def _plain(value: Any) -> Any:

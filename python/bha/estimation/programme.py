@@ -20,8 +20,11 @@ from bha.logs import Log
 
 Array = NDArray[np.float64]
 
-#: The sorts of pieces.
+#: The sorts of pieces that move an arm in all its ways; and with them all inputs together up and down (springs and
+#: weight without bending) and a multisine of a tenth of the frequencies (what creeps).
 KINDS = ("hold", "multisine", "release")
+EVERY_KIND = (*KINDS, "even", "slow")
+_SLOWER = 0.1
 #: What a valve does to a commanded step, at the least: a ramp of this length, s.
 RAMP = 0.1
 _SINES = 12
@@ -34,7 +37,7 @@ class Programme:
     """What is asked of pressures.
 
     Attributes:
-        kinds: the pieces in their order, of :data:`KINDS`.
+        kinds: the pieces in their order, of :data:`EVERY_KIND`.
         amplitude: part of half the pressure range that is used, above 0 and up to 1.
         highest_frequency: of the multisine, Hz.
         duration: of the whole, s.
@@ -78,11 +81,12 @@ def pressures_of(arm: Arm, programme: Programme) -> tuple[Array, Array]:
     middle, reach = (low + high) / 2.0, programme.amplitude * (high - low) / 2.0
     unit = np.zeros((len(time), len(low)))
     edges = np.linspace(0, len(time), len(programme.kinds) + 1).astype(int)
-    makers = {"hold": _holds, "release": _releases}
+    makers = {"hold": _holds, "even": _even, "release": _releases}
     for kind, first, last in zip(programme.kinds, edges[:-1], edges[1:], strict=True):
-        if kind == "multisine":
+        if kind in ("multisine", "slow"):
             part = time[first:last] - time[first]
-            unit[first:last] = _multisine(random, part, len(low), programme.highest_frequency)
+            highest = programme.highest_frequency * (_SLOWER if kind == "slow" else 1.0)
+            unit[first:last] = _multisine(random, part, len(low), highest)
         else:
             unit[first:last] = makers[kind](random, last - first, len(low), rate)
     ramp = max(1, round(RAMP * rate))
@@ -96,7 +100,7 @@ def pressures_of(arm: Arm, programme: Programme) -> tuple[Array, Array]:
 
 def _multisine(random: np.random.Generator, t: Array, inputs: int, highest: float) -> Array:
     """Sums of sines with random phases, others for every input, faded in and out, within -1 to 1."""
-    lines = np.geomspace(max(1.0 / t[-1], 0.05), highest, _SINES * inputs).reshape(_SINES, inputs)
+    lines = np.geomspace(min(max(1.0 / t[-1], 0.05), highest), highest, _SINES * inputs).reshape(_SINES, inputs)
     phases = random.uniform(0.0, 2.0 * np.pi, lines.shape)
     signal = np.zeros((len(t), inputs))
     for line, phase in zip(lines, phases, strict=True):
@@ -115,6 +119,16 @@ def _holds(random: np.random.Generator, count: int, inputs: int, rate: float) ->
         level = pattern * random.uniform(0.6, 1.0)
         # Held for two thirds, then back to the middle: steps of both signs.
         unit[k * each : k * each + (2 * each) // 3] = level
+    return unit
+
+
+def _even(random: np.random.Generator, count: int, inputs: int, rate: float) -> Array:
+    """All inputs together at levels up and down, each held, in an order drawn at random."""
+    levels = random.permutation(np.linspace(-1.0, 1.0, 6))
+    unit = np.zeros((count, inputs))
+    each = max(1, count // (len(levels) + 1))
+    for k, level in enumerate(levels):
+        unit[k * each : (k + 1) * each] = level
     return unit
 
 

@@ -137,6 +137,15 @@ class Identification:
         columns |= {name: [getattr(e, name) for e in self.estimates] for name in ("identified", "at_bound")}
         return frame(columns, "name")
 
+    def _information(self) -> Array | None:
+        """What the logs tell of the values, SI units, without priors, shape (p, p); None where it is not known."""
+        known = self.refinement.uncertainty
+        if known is None:
+            return None
+        z = self.refinement.outcome.point.z
+        slopes = np.array([c.slope(float(entry)) for c, entry in zip(self.refinement.coordinates, z, strict=True)])
+        return np.asarray(known.information / known.inflation / np.outer(slopes, slopes))
+
     @property
     def _records(self) -> tuple[Record, ...]:
         return self.refinement.problem.model.records
@@ -188,6 +197,7 @@ class Identification:
             "step": self.refinement.problem.model.step,
             "parameters": [vars(e) for e in self.estimates],
             "correlation": self.correlation,
+            "information": self._information(),
             "unknown": [{"text": c.text, "names": c.names, "deviation": _finite(c.deviation)} for c in self.unknown],
             "residuals": [vars(r) for r in self.residuals],
             "held_out": [_held_out_summary(h) for h in self.held_out],
