@@ -2,7 +2,8 @@
 
 In an empty environment the wheel installs with its base dependencies, says what is missing, simulates. In a second one
 it installs with every extra; every command has its help; the README's snippets run; a newcomer's commands lead from a
-tape measure to a diagnosis and a controlled arm. The time of each step is printed.
+tape measure to a diagnosis and a controlled arm. Each step is printed with its seconds: by the clock, and of processors
+(nothing on Windows), which say more where the machine has other work.
 
 usage: prove_wheel.py FOLDER_WITH_ONE_WHEEL
 """
@@ -17,6 +18,8 @@ import sys
 import tempfile
 import time
 import venv
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -74,7 +77,7 @@ bha diagnose identified.toml log1.csv --holdout log2.csv --out diagnosis
 bha control identified.toml --controller pid --controller full --plot circle.svg
 """
 #: What is there at the end.
-WRITTEN = ("log1_shapes.svg", "identified.toml", "diagnosis/report.html", "circle.svg")
+WRITTEN = ("log1_shape.png", "identified.toml", "diagnosis/report.html", "circle.svg")
 
 
 class Environment:
@@ -90,10 +93,9 @@ class Environment:
 
     def create(self) -> None:
         """The environment, with a pip that knows dependency groups."""
-        start = time.perf_counter()
-        venv.create(self.folder / "venv", with_pip=True)
-        self.pip("pip>=25.1")
-        self.say("an empty environment", time.perf_counter() - start)
+        with timed("an empty environment"):
+            venv.create(self.folder / "venv", with_pip=True)
+            self.pip("pip>=25.1")
 
     def pip(self, *what: str) -> None:
         """Install; errors and nothing else are printed."""
@@ -102,11 +104,10 @@ class Environment:
 
     def install(self, step: str, *what: str) -> None:
         """A timed step of installation."""
-        start = time.perf_counter()
-        self.pip(*what)
-        self.say(step, time.perf_counter() - start)
+        with timed(step):
+            self.pip(*what)
 
-    def run(self, step: str, *command: str) -> float:
+    def run(self, step: str, *command: str) -> None:
         """A timed step; what it printed is shown if it fails.
 
         Raises:
@@ -114,26 +115,28 @@ class Environment:
         """
         # Windows would look for it on the path of this process.
         program = shutil.which(command[0], path=self.variables["PATH"]) or command[0]
-        start = time.perf_counter()
-        done = subprocess.run(
-            [program, *command[1:]],
-            capture_output=True,
-            encoding="utf-8",
-            errors="replace",
-            env=self.variables,
-            cwd=self.folder,
-            check=False,
-        )
-        seconds = time.perf_counter() - start
-        self.say(step, seconds)
+        with timed(step):
+            done = subprocess.run(
+                [program, *command[1:]],
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+                env=self.variables,
+                cwd=self.folder,
+                check=False,
+            )
         if done.returncode:
             sys.exit(f"prove_wheel: {shlex.join(command)} gave {done.returncode}\n{done.stdout}{done.stderr}")
-        return seconds
 
-    @staticmethod
-    def say(step: str, seconds: float) -> None:
-        """A line of the table."""
-        print(f"{seconds:8.1f} s  {step}", flush=True)
+
+@contextmanager
+def timed(step: str) -> Iterator[None]:
+    """A line of the table: seconds by the clock, seconds of processors that child processes used, what was done."""
+    clock, before = time.perf_counter(), os.times()
+    yield
+    after = os.times()
+    used = after.children_user + after.children_system - before.children_user - before.children_system
+    print(f"{time.perf_counter() - clock:8.1f} {used:8.1f}  {step}", flush=True)
 
 
 def one_wheel(folder: Path) -> Path:
@@ -165,10 +168,9 @@ def prove_all(wheel: Path, folder: Path) -> None:
     environment.create()
     environment.install("pip install 'bha[all]'", f"{wheel}[all]")
     environment.run("every command's --help", environment.python, "-c", HELP)
-    total = 0.0
-    for line in NEWCOMER.splitlines():
-        total += environment.run(line, *shlex.split(line))
-    environment.say("the newcomer's commands together", total)
+    with timed("... all of the newcomer's commands"):
+        for line in NEWCOMER.splitlines():
+            environment.run(line, *shlex.split(line))
     missing = [name for name in WRITTEN if not (folder / name).is_file()]
     if missing:
         sys.exit(f"prove_wheel: {', '.join(missing)} not written; there is {sorted(p.name for p in folder.iterdir())}")
@@ -180,6 +182,7 @@ def prove_all(wheel: Path, folder: Path) -> None:
 def main() -> None:
     """Both environments, one after the other."""
     wheel = one_wheel(Path(sys.argv[1]))
+    print("   clock processors, s")
     for prove in (prove_base, prove_all):
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             prove(wheel, Path(folder).resolve())
