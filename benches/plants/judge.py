@@ -24,7 +24,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from bha import Arm
+
 GRAVITY = 9.81
+#: Step of a pressure for a static response, Pa.
+_PUSH = 100.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,9 @@ class Judged:
 
 def ratios_of(section: dict[str, Any], truth: dict[str, Any]) -> dict[str, float]:
     """Numbers that logs can tell of one section with parallel chambers, over the true ones."""
-    k = float(section["stiffness"][0])
+    chambers = len(section.get("bellows", ())) or 3
+    # An axial stiffness stands beside all chambers together.
+    k = float(section["stiffness"][0]) + sum(map(float, section.get("axial_stiffness", [0.0])[:1])) / chambers
     found = {
         "mass": float(section["mass"]),
         "area_over_stiffness": float(section["terminal_area"]) / k,
@@ -50,6 +58,30 @@ def ratios_of(section: dict[str, Any], truth: dict[str, Any]) -> dict[str, float
     }
     true = {"mass": truth["arm"]["mass"], **{key: truth[key] for key in found if key in truth}}
     return {key: found[key] / value for key, value in true.items() if value}
+
+
+def responses_of(arm: Arm, truth: dict[str, Any]) -> dict[str, float]:
+    """How far the tip goes across for a pascal in one chamber at half the greatest pressure, over the truth.
+
+    Once as it stands, and once without weight: a file that is right in both is right in another mounting.
+    """
+    if "across_per_pascal" not in truth:
+        return {}
+    found = {}
+    for key, model in (("across_per_pascal", arm), ("weightless_per_pascal", arm.with_changes(gravity=(0.0,) * 3))):
+        middle = np.full(len(arm.inputs), arm.parameters.ambient_pressure + 0.5 * truth["arm"]["highest_pressure"])
+        first = middle + _PUSH * (np.arange(len(middle)) == 0)
+        tips = [model.forward_kinematics(model.static_lengths(p))[0][-1] for p in (middle, first)]
+        found[key] = math.hypot(*(tips[1] - tips[0])[:2]) / _PUSH / truth[key]
+    return found
+
+
+def times_of(times: list[dict[str, Any]], truth: dict[str, Any]) -> dict[str, float]:
+    """Common times of lag and damping over the truth, and the lag alone where the fit says that it is told."""
+    if not times or "time_across" not in truth:
+        return {}
+    found = {f"time_{way}": times[0][way] / (truth["lag"] + truth[f"time_{way}"]) for way in ("across", "along")}
+    return found | ({"lag": times[0]["lag"] / truth["lag"]} if times[0].get("told") else {})
 
 
 def errors_of(held_out: list[dict[str, Any]]) -> tuple[float, float]:
@@ -92,13 +124,15 @@ def judge(folder: Path, product: str, *, rename: bool, timeout: float) -> Judged
             done = subprocess.run(words, capture_output=True, text=True, timeout=timeout, check=False)
             data = json.loads(done.stdout)
             section = tomllib.loads(out.read_text(encoding="utf-8"))["section"][0]
+            ratios = ratios_of(section, truth) | responses_of(Arm.load(out), truth)
         except (OSError, ValueError, subprocess.TimeoutExpired) as error:
             said = [] if isinstance(error, subprocess.TimeoutExpired) else done.stderr.strip().splitlines()
             text = said[-1] if said else str(error)
             return Judged(None, {}, math.nan, math.nan, time.perf_counter() - begin, text[:200])
         lateral, axial = errors_of(data["held_out"])
         seconds = time.perf_counter() - begin
-        return Judged(bool(data["converged"]), ratios_of(section, truth), lateral, axial, seconds)
+        ratios |= times_of(data.get("common_times", []), truth)
+        return Judged(bool(data["converged"]), ratios, lateral, axial, seconds)
 
 
 def main() -> None:

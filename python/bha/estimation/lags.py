@@ -2,12 +2,15 @@
 
 A chamber follows its command as p' = (command - p) / T. Under measured pressures the pneumatics are left out, and so is
 this. An overdamped arm under commands follows through two lags in a row, that of its pressures and its own, damping
-over stiffness; the slower one tells itself and their sum, the other one hardly: what is told of the two is the time
-that they have together.
+over stiffness; what is told of the two is the time S that they have together. The lag alone comes from how the response
+bends, which is their product P: lag = (S + sqrt(S^2 - 4 P)) / 2, so that an error of P, dP / P, becomes
+dP / P * own / (lag - own). A model's form is hardly right to more than a tenth of P (inertia, a second lag), and the lag
+counts as told where that comes to no more than a tenth: where it is twice the own time of every motion.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,6 +27,8 @@ PATHS = ("pneumatics.fill_time", "pneumatics.vent_time")
 #: Start where the file gives none, s, and the range in which they are sought.
 START, LEAST, GREATEST = 0.1, 2e-3, 20.0
 _DEVIATION = 2.0
+#: Standard error of a lag, in itself, below which it counts as told, and how many own times it must be.
+TOLD, APART = 0.1, 2.0
 
 
 @dataclass(frozen=True)
@@ -35,16 +40,21 @@ class CommonTime:
         lag: of its pressures, the mean of filling and venting.
         across: lag and damping together, of a motion across the section's axis.
         along: the same of a motion along it.
+        told: whether the lag alone is told.
     """
 
     section: int
     lag: float
     across: float
     along: float
+    told: bool = False
 
 
-def common_times(arm: Arm, pressures: NDArray[np.float64]) -> tuple[CommonTime, ...]:
-    """The common times of the sections under these pressures, Pa; none without a lag, and where no pose is held."""
+def common_times(arm: Arm, pressures: NDArray[np.float64], error: float = math.inf) -> tuple[CommonTime, ...]:
+    """The common times of the sections under these pressures, Pa; none without a lag, and where no pose is held.
+
+    ``error`` is the standard error of the lag, in itself, were the form of the model right.
+    """
     table = arm.parameters.pneumatics
     if table is None or table.level != "lag" or table.fill_time is None or table.vent_time is None:
         return ()
@@ -57,7 +67,8 @@ def common_times(arm: Arm, pressures: NDArray[np.float64]) -> tuple[CommonTime, 
         bending = sum(effect.parameters["damping"] for effect in effects)
         across = (section.damping * own.spread + bending) / own.bending
         along = section.damping * own.bellows / own.stretching
-        found.append(CommonTime(number, lag, lag + across, lag + along))
+        told = error < TOLD and lag > APART * max(across, along)
+        found.append(CommonTime(number, lag, lag + across, lag + along, told))
     return tuple(found)
 
 

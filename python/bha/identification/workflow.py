@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -17,11 +18,10 @@ from bha.estimation.refinement import Settings, refine, remembers
 from bha.estimation.scale import default_free_of, scale_of
 from bha.identification.arranged import arranged, by_session
 from bha.identification.result import Identification, identification
+from bha.identification.words import joined
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 
-#: Standard error of a lag, in itself, below which it counts as told apart from damping.
-_TOLD = 0.1
 #: Part of the progress that finding a start is.
 _BEGIN_SHARE = 0.2
 
@@ -103,8 +103,9 @@ def identify(
         settings = replace(settings, windows=(None,) if remembers(lagging, used) else (6.0,))
     fit = refine(start.arm, used, start.free, settings, progress=None if progress is None else rest)
     result = identification(arm, fit, held)
-    times = common_times(fit.arm, mean_pressures(used)) if any(rec.drive.commanded for rec in used) else ()
-    notes = (*found.repairs, *_notes(start, result, used), *map(_of_times(result), times))
+    commanded = any(rec.drive.commanded for rec in used)
+    times = common_times(fit.arm, mean_pressures(used), _lag_error(result)) if commanded else ()
+    notes = (*found.repairs, *_notes(start, result, used), *map(_of_time, times))
     return replace(result, notes=notes, common_times=times)
 
 
@@ -126,14 +127,25 @@ def _notes(start: Begin, found: Identification, used: Sequence[Record]) -> list[
         notes.append("the fit began at what held poses and a search over dampings say, not at the file's values")
     if len(start.arm.parameters.effects) > len(found.start.parameters.effects):
         notes.append("bending lags longer than stretching: a damping of bending (effect bending_damping) was added")
+    stiff = [k for k, s in enumerate(start.arm.parameters.sections, start=1) if s.axial_stiffness is not None]
+    if any(found.start.parameters.sections[k - 1].axial_stiffness is None for k in stiff):
+        notes.append(
+            "bends more easily than its springs allow: an axial stiffness took the place of the bending stiffness "
+            f"(section {joined(list(map(str, stiff)))}; force model {start.arm.parameters.force_model})"
+        )
     return notes
 
 
-def _of_times(found: Identification) -> Callable[[CommonTime], str]:
+def _lag_error(found: Identification) -> float:
+    """Standard error of the lag of commanded pressures, in itself; infinite where it is not estimated or not told."""
+    lags = [e for e in found.estimates if e.path in LAG_PATHS]
+    return max((e.standard_error / e.value if e.identified else math.inf for e in lags), default=math.inf)
+
+
+def _of_time(time: CommonTime) -> str:
     """Lag and damping as one class; the lag alone where the fit tells it."""
-    told = [e for e in found.estimates if e.path in LAG_PATHS and e.identified and e.standard_error < _TOLD * e.value]
-    return lambda time: (
+    return (
         f"section {time.section} follows commands through the lag of its pressures and its own damping, together "
         f"{time.across:.2g} s across its axis and {time.along:.2g} s along it; the lag alone is "
-        + (f"{time.lag:.2g} s if the model's form is right" if told else "not told")
+        + (f"{time.lag:.2g} s if the model's form is right" if time.told else "not told")
     )
