@@ -7,7 +7,7 @@ G the weight's stiffness, a diagonal matrix,
     (K D^T D + G) phi = D^T (1, ..., 1) M,        tip across = h . phi.
 
 The response to a step of the moment has the mean time h A^-1 B A^-1 f / h A^-1 f, A = K D^T D + G, B = C D^T D: the
-first moment of what is still missing, which for a first-order lag is its time constant. It adds up along lags in series.
+first moment of what is still missing, the time constant of a first-order lag. Lags in series add up in it.
 Limits: small angles, no inertia (the arm creeps); the chain lengthens above its hinges, equally everywhere.
 """
 

@@ -4,8 +4,8 @@ A chamber follows its command as p' = (command - p) / T. Under measured pressure
 this. An overdamped arm under commands follows through two lags in a row, that of its pressures and its own, damping
 over stiffness; what is told of the two is the time S that they have together. The lag alone comes from how the response
 bends, which is their product P: lag = (S + sqrt(S^2 - 4 P)) / 2, so that an error of P, dP / P, becomes
-dP / P * own / (lag - own). A model's form is hardly right to more than a tenth of P (inertia, a second lag), and the lag
-counts as told where that comes to no more than a tenth: where it is twice the own time of every motion.
+dP / P * own / (lag - own). No model's form is right to more than about a tenth of P (inertia, a second lag), and the
+lag counts as told where that comes to no more than a tenth: where it is twice the own time of every motion.
 """
 
 from __future__ import annotations
