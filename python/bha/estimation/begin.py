@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
+from bha.estimation.asked import Asked, dead_time, delayed, unlike_chambers
 from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
 from bha.estimation.dynamics import Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.lags import PATHS
 from bha.estimation.records import Record
-from bha.estimation.statics import Statics, fit_statics
+from bha.estimation.statics import Statics, fit_statics, refit_statics
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
@@ -48,6 +49,7 @@ class Begin:
         trial: the start, as a simulation judges it.
         others: the other points that were tried, the best first.
         from_file: whether the file's own values are the start.
+        said: what was made free beyond the defaults because the logs ask for it, in words.
     """
 
     arm: Arm
@@ -56,6 +58,7 @@ class Begin:
     trial: Trial
     others: tuple[Trial, ...]
     from_file: bool
+    said: tuple[str, ...] = ()
 
     @property
     def skips_short_windows(self) -> bool:
@@ -108,9 +111,20 @@ def begin(
         held = _searched(Arm(parameters), others, other, whole=whole, splits=splits)
         if held.tried[0].merit < found.tried[0].merit - _GAIN * channels:
             found = held
+    commanded = any(rec.drive.commanded for rec in records)
+    said = []
+    for ask in (unlike_chambers, dead_time) if commanded else (unlike_chambers,):
+        if not splits or found.statics is None or found.tried[0].merit < (_AT_NOISE + _GAIN) * channels:
+            break
+        tell("what else the logs ask for", 0.8)
+        asked = ask(found.arm.parameters, found.free)
+        more = None if asked is None else _asked(found, asked, model, whole=whole)
+        if asked is not None and more is not None and more.tried[0].merit < found.tried[0].merit - _GAIN * channels:
+            found = more
+            said.append(asked.said)
     best = found.tried[0] if np.isfinite(found.tried[0].merit) else own
     started = _started(found.coordinates, best.z)
-    return Begin(found.arm, started, found.statics, best, found.tried[1:], not np.any(best.z))
+    return Begin(found.arm, started, found.statics, best, found.tried[1:], not np.any(best.z), tuple(said))
 
 
 @dataclass(frozen=True)
@@ -118,6 +132,7 @@ class _Found:
     """What a search came to: the arm, its free parameters and statics, and the points tried, the best first."""
 
     arm: Arm
+    free: tuple[FreeParameter | str, ...]
     coordinates: tuple[Coordinate, ...]
     statics: Statics | None
     tried: tuple[Trial, ...]
@@ -133,21 +148,45 @@ def _searched(arm: Arm, free: Sequence[FreeParameter | str], model: Model, *, wh
     statics = fit_statics(arm.parameters, coordinates, records)
     if statics is not None and splits:
         parameters, more = with_bending_damping(arm.parameters, apart(arm.parameters, statics))
-        arm, coordinates = Arm(parameters), resolve(parameters, (*free, *more))
+        free = (*free, *more)
+        arm, coordinates = Arm(parameters), resolve(parameters, free)
         model = replace(model, parameters=parameters, coordinates=coordinates)
     file = np.zeros(len(coordinates))
     points = [file, *valleys(coordinates, model, file, None)]
     if statics is not None:
         for fit in (statics, *statics.rivals):
-            z = file.copy()
-            for place, coordinate in enumerate(coordinates):
-                if coordinate.name in fit.values:
-                    z[place] = coordinate.coordinate(fit.values[coordinate.name])
+            z = _with_values(coordinates, file, fit)
             if fit is statics:
                 points += valleys(coordinates, model, z, fit.lag(*_ACROSS) if _lagging(coordinates) else None)
             points += seen_times(coordinates, model, z, partial(_times, fit, mean_pressures(records)))
     tried = sorted(trials(model, points, whole=whole), key=lambda trial: trial.merit)
-    return _Found(arm, coordinates, statics, tuple(tried))
+    return _Found(arm, tuple(free), coordinates, statics, tuple(tried))
+
+
+def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found | None:
+    """The best point with more free, from the best one without; None where it holds no poses."""
+    assert found.statics is not None
+    coordinates = resolve(asked.parameters, asked.free)
+    model = replace(model, parameters=asked.parameters, coordinates=coordinates)
+    z = np.concatenate([found.tried[0].z, np.zeros(len(coordinates) - len(found.coordinates))])
+    statics = refit_statics(asked.parameters, coordinates, model.records, z, found.statics.lags)
+    if statics is None:
+        return None
+    z = _with_values(coordinates, z, statics)
+    # Where the scale of stiffnesses has moved, that of dampings has to.
+    seen = seen_times(coordinates, model, z, partial(_times, statics, mean_pressures(model.records)))
+    points = [z, *seen, *delayed(coordinates, z)]
+    tried = sorted(trials(model, points, whole=whole), key=lambda trial: trial.merit)
+    return _Found(Arm(asked.parameters), asked.free, coordinates, statics, tuple(tried))
+
+
+def _with_values(coordinates: Sequence[Coordinate], z: Array, statics: Statics) -> Array:
+    """The point with what statics tell put in."""
+    values, point = statics.values, z.copy()
+    for place, coordinate in enumerate(coordinates):
+        if coordinate.name in values:
+            point[place] = coordinate.coordinate(values[coordinate.name])
+    return point
 
 
 def _times(statics: Statics, pressures: Array, arm: Arm, section: int) -> tuple[Rates, float, float] | None:

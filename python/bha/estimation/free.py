@@ -205,7 +205,7 @@ def typical_scale(  # noqa: PLR0911  (a table of cases)
 ) -> float:
     """A change of the number at a path that makes a visible difference: the unit of its coordinate z."""
     key, steps = paths.key_of(path), path.split(".")
-    if paths.is_of_sensors(path) and key in _SENSOR_SCALES:
+    if key in _SENSOR_SCALES and (paths.is_of_sensors(path) or key == "angle"):
         return _SENSOR_SCALES[key]
     if key == "center_of_mass":
         return 0.02

@@ -37,6 +37,8 @@ STATIC_KEYS = frozenset(
         "ambient_pressure", "camera_position", "camera_rotation", "offset", "angle",
     }
 )  # fmt: skip
+#: The same of effects: gains and offsets of pressures or of what is seen.
+_STATIC_EFFECT_KEYS = frozenset({"gain", "offset"})
 #: The net: factors on stiffness, on A/k, on k_bend/k and, where it is free, on K/k of an axial stiffness K.
 _STIFFNESS_FACTORS = (1 / 30, 1 / 10, 1 / 3, 1.0, 3.0, 10.0, 30.0)
 _AREA_FACTORS = (1 / 9, 1 / 3, 1.0, 3.0, 9.0)
@@ -99,7 +101,8 @@ class Statics:
 
 def is_static(coordinate: Coordinate) -> bool:
     """Whether a parameter acts on held poses."""
-    return paths.key_of(coordinate.members[0]) in STATIC_KEYS and not coordinate.path.startswith("effect.")
+    keys = _STATIC_EFFECT_KEYS if coordinate.path.startswith("effect.") else STATIC_KEYS
+    return paths.key_of(coordinate.members[0]) in keys
 
 
 def fit_statics(
@@ -120,6 +123,15 @@ def fit_statics(
     best = _refined(_poses(parameters, own, records, _LAST_CELLS), best.z, best.lags, 2) or best
     near = found[0].merit + _RIVAL * found[0].channels
     return replace(best, rivals=tuple(fit for fit in found[1:] if fit.merit < near))
+
+
+def refit_statics(
+    parameters: ArmParameters, coordinates: Sequence[Coordinate], records: Sequence[Record], z: Array, lags: Array
+) -> Statics | None:
+    """The held poses next to a point, ``z`` of all coordinates, with its lags, s; None where it holds no poses."""
+    places = [k for k, c in enumerate(coordinates) if is_static(c)]
+    own = tuple(coordinates[k] for k in places)
+    return _refined(_poses(parameters, own, records, _SEARCH_CELLS), z[places], lags, 2)
 
 
 def _starts(poses: HeldPoses, points: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array]]:

@@ -125,7 +125,9 @@ def _notes(start: Begin, found: Identification, used: Sequence[Record]) -> list[
         notes.append(f"estimated session by session ({', '.join(found.sessions)}): {apart}; all else is shared")
     if not start.from_file:
         notes.append("the fit began at what held poses and a search over dampings say, not at the file's values")
-    if len(start.arm.parameters.effects) > len(found.start.parameters.effects):
+    notes += start.said
+    added = start.arm.parameters.effects[len(found.start.parameters.effects) :]
+    if any(effect.kind == "bending_damping" for effect in added):
         notes.append("bending lags longer than stretching: a damping of bending (effect bending_damping) was added")
     stiff = [k for k, s in enumerate(start.arm.parameters.sections, start=1) if s.axial_stiffness is not None]
     if any(found.start.parameters.sections[k - 1].axial_stiffness is None for k in stiff):

@@ -76,7 +76,7 @@ _FOLLOWING = {
     "axial_rest_length": "axial_stiffness",
     "axial_damping": "axial_stiffness",
 }
-_BELLOWS_NUMBERS = ("radius", "terminal_area", "rest_length", "damping")
+_BELLOWS_NUMBERS = ("angle", "radius", "terminal_area", "rest_length", "damping")
 _BASE_VECTORS = ("position", "rotation")
 _MASS_NUMBERS = ("mass", "share")
 _SENSORS_VECTORS = ("camera_position", "camera_rotation")
@@ -354,6 +354,8 @@ def _set(parameters: ArmParameters, mapping: dict[str, Any], steps: list[str], v
         if steps[2] == "bellows":
             table.setdefault("bellows", [{"angle_deg": angle} for angle in STANDARD_ANGLES_DEG])
             inherited = vars(section.resolved_bellows(index)[int(steps[3]) - 1])
+            if steps[4] == "angle":
+                _state_in_radians(table["bellows"][int(steps[3]) - 1], "angle")
         else:
             inherited = {name: _resolved(section, name) for name in (*_SECTION_LISTS, "center_of_mass", "inertia")}
             if steps[2] == "bending_plane":

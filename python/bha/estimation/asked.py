@@ -1,0 +1,98 @@
+"""What is free beyond the defaults where logs ask for it: chambers that are not alike, and a dead time of commands.
+
+Nearly every arm is a little of both, but a number that logs do not need takes part in every combination that they do
+not tell. These are therefore tried only where the defaults leave more than the noise, and kept where simulations from
+the new start leave clearly less (:mod:`bha.estimation.begin`):
+
+- gains of single inputs (areas of their chambers, sensors, regulators: they act alike) and azimuths of single chambers;
+- under commands a dead time of all inputs, in place of a part of their lag.
+
+Offsets of single inputs and rest lengths of single chambers hold the arm bent, as a turned camera shows it: with heads
+alone they are not told from it and are not tried.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.estimation.free import Coordinate, FreeParameter
+from bha.estimation.lags import PATHS
+from bha.parameters import ArmParameters
+
+Array = NDArray[np.float64]
+
+#: Standard deviations of what chambers differ by: gain, and azimuth in rad.
+GAIN, AZIMUTH = 0.1, math.radians(5.0)
+#: Dead times that are tried, s, the least and greatest that are sought, and the deviation of the prior's logarithm.
+DELAYS = (0.02, 0.05, 0.1, 0.2)
+_LEAST, _GREATEST, _DEVIATION = 1e-4, 2.0, 2.0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Parameters with more of them free.
+
+    Attributes:
+        parameters: the arm, with the effects that stand for what is new.
+        free: all that is free.
+        said: what was added, in words.
+    """
+
+    parameters: ArmParameters
+    free: tuple[FreeParameter | str, ...]
+    said: str
+
+
+def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
+    """Gains of all inputs and azimuths of all chambers free; None where inputs have gains already."""
+    if any(effect.kind == "pressure_gain" for effect in parameters.effects):
+        return None
+    mapping = parameters.to_mapping()
+    effects, more = list(mapping.get("effect", [])), []
+    for name in parameters.inputs:
+        effects.append({"kind": "pressure_gain", "where": f"input {name}", "gain": 0.0})
+        path = f"effect.{len(effects)}.gain"
+        more.append(FreeParameter(path, lower=-0.5, upper=1.0, prior=(0.0, GAIN), logarithmic=False, scale=GAIN))
+    for number, section in enumerate(parameters.sections, start=1):
+        if section.bellows is None:
+            continue
+        for k, bellows in enumerate(section.resolved_bellows(number), start=1):
+            path = f"section.{number}.bellows.{k}.angle"
+            more.append(FreeParameter(path, prior=(bellows.angle, AZIMUTH), logarithmic=False, scale=AZIMUTH))
+    said = "chambers are not alike: gains of inputs (effect pressure_gain) and azimuths of chambers were added"
+    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said)
+
+
+def dead_time(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
+    """A dead time of all inputs; None where there is one already."""
+    if any(effect.kind == "delay" for effect in parameters.effects):
+        return None
+    mapping = parameters.to_mapping()
+    effects = [*mapping.get("effect", []), {"kind": "delay", "where": "all", "time": DELAYS[0]}]
+    path, prior = f"effect.{len(effects)}.time", (DELAYS[0], _DEVIATION * DELAYS[0])
+    late = FreeParameter(path, lower=_LEAST, upper=_GREATEST, prior=prior, logarithmic=True)
+    said = "commands act after a dead time (effect delay), which was added"
+    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, late), said)
+
+
+def delayed(coordinates: Sequence[Coordinate], z: Array) -> list[Array]:
+    """Points like ``z`` with dead times, each with the lag as it is and shorter by as much."""
+    made: list[Array] = []
+    if not any(c.path.startswith("effect.") and c.path.endswith(".time") for c in coordinates):
+        return made
+    for delay in DELAYS:
+        for share in (0.0, 1.0):
+            point = z.copy()
+            for k, coordinate in enumerate(coordinates):
+                if coordinate.path.startswith("effect.") and coordinate.path.endswith(".time"):
+                    point[k] = coordinate.coordinate(delay)
+                elif coordinate.path in PATHS:
+                    lag = coordinate.value(float(z[k])) - share * delay
+                    point[k] = coordinate.coordinate(max(lag, coordinate.lower))
+            made.append(point)
+    return made

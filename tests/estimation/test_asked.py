@@ -1,0 +1,62 @@
+"""Chambers that are not alike and dead times are free where logs ask for them, and only there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bha
+from bha.estimation.begin import Begin, begin
+from bha.estimation.lags import with_lag
+from bha.estimation.records import record
+from bha.estimation.scale import default_free_of
+from bha.logs import Log
+
+from .slow_arm import LAG, TRUE, arm_of, log_of
+
+GAINS, TURNS = (0.08, -0.06, 0.05, -0.07), (4.0, -3.0, -4.0, 3.0)
+
+
+def begun(log: Log) -> Begin:
+    guess = arm_of({"stiffness": 200.0, "terminal_area": 9e-5, "bending_stiffness": 0.2, "damping": 1.0})
+    records = [record(guess, log)]
+    arm, lags = with_lag(guess, records)
+    free = (*default_free_of(arm.parameters, records), *lags)
+    return begin(arm, records, free, whole=bool(lags), splits=True)
+
+
+def kinds(found: Begin) -> set[str]:
+    return {effect.kind for effect in found.arm.parameters.effects}
+
+
+def test_chambers_that_are_not_alike_get_gains_and_azimuths() -> None:
+    mapping = arm_of(TRUE, apart=True).parameters.to_mapping()
+    for bellows, gain, turn in zip(mapping["section"][0]["bellows"], GAINS, TURNS, strict=True):
+        bellows["terminal_area"] = TRUE["terminal_area"] * (1.0 + gain)
+        bellows["angle_deg"] += turn
+    true = bha.Arm(arm_of(TRUE).parameters.updated(mapping))
+    found = begun(log_of(true, 1, duration=20.0))
+    assert "pressure_gain" in kinds(found)
+    assert len(found.said) == 1
+    starts = [f.start for f in found.free if f.path.endswith(".gain")]
+    # Their mean is the area's, and the mean turn the camera's.
+    gains = np.array([start for start in starts if start is not None])
+    assert gains - gains.mean() == pytest.approx(np.array(GAINS) - np.mean(GAINS), abs=0.02)
+    assert found.trial.spread < 1e-3
+
+
+def test_equal_chambers_and_prompt_commands_ask_for_nothing() -> None:
+    found = begun(log_of(arm_of(TRUE, apart=True, lag=LAG), 1, commanded=True, duration=20.0))
+    assert found.said == ()
+    assert not kinds(found) & {"pressure_gain", "delay"}
+
+
+def test_commands_that_act_late_get_a_dead_time() -> None:
+    mapping = arm_of(TRUE, apart=True, lag=LAG).parameters.to_mapping()
+    mapping["effect"].append({"kind": "delay", "where": "all", "time": 0.15})
+    true = bha.Arm(arm_of(TRUE).parameters.updated(mapping))
+    found = begun(log_of(true, 1, commanded=True, duration=20.0))
+    assert "delay" in kinds(found)
+    late = next(f.start for f in found.free if f.path.endswith(".time"))
+    assert late is not None
+    assert 0.05 <= late <= 0.3
