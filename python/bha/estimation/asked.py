@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.lags import PATHS
+from bha.estimation.statics import TURN
 from bha.parameters import ArmParameters
 
 Array = NDArray[np.float64]
@@ -41,17 +42,23 @@ class Asked:
         parameters: the arm, with the effects that stand for what is new.
         free: all that is free.
         said: what was added, in words.
+        static: whether it acts on held poses, so that these must be better with it too.
     """
 
     parameters: ArmParameters
     free: tuple[FreeParameter | str, ...]
     said: str
+    static: bool
 
 
 def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
-    """Gains of all inputs and azimuths of all chambers free; None where inputs have gains already."""
+    """Gains of all inputs and azimuths of all chambers free; None where inputs have gains already.
+
+    The arm's first chamber keeps its azimuth where the camera's turn is free: all azimuths together are this turn.
+    """
     if any(effect.kind == "pressure_gain" for effect in parameters.effects):
         return None
+    turns = TURN in {f if isinstance(f, str) else f.path for f in free}
     mapping = parameters.to_mapping()
     effects, more = list(mapping.get("effect", [])), []
     for name in parameters.inputs:
@@ -63,9 +70,11 @@ def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | st
             continue
         for k, bellows in enumerate(section.resolved_bellows(number), start=1):
             path = f"section.{number}.bellows.{k}.angle"
+            if turns and (number, k) == (1, 1):
+                continue
             more.append(FreeParameter(path, prior=(bellows.angle, AZIMUTH), logarithmic=False, scale=AZIMUTH))
     said = "chambers are not alike: gains of inputs (effect pressure_gain) and azimuths of chambers were added"
-    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said)
+    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, True)
 
 
 def dead_time(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
@@ -77,7 +86,7 @@ def dead_time(parameters: ArmParameters, free: Sequence[FreeParameter | str]) ->
     path, prior = f"effect.{len(effects)}.time", (DELAYS[0], _DEVIATION * DELAYS[0])
     late = FreeParameter(path, lower=_LEAST, upper=_GREATEST, prior=prior, logarithmic=True)
     said = "commands act after a dead time (effect delay), which was added"
-    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, late), said)
+    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, late), said, False)
 
 
 def delayed(coordinates: Sequence[Coordinate], z: Array) -> list[Array]:

@@ -111,17 +111,10 @@ def begin(
         held = _searched(Arm(parameters), others, other, whole=whole, splits=splits)
         if held.tried[0].merit < found.tried[0].merit - _GAIN * channels:
             found = held
-    commanded = any(rec.drive.commanded for rec in records)
-    said = []
-    for ask in (unlike_chambers, dead_time) if commanded else (unlike_chambers,):
-        if not splits or found.statics is None or found.tried[0].merit < (_AT_NOISE + _GAIN) * channels:
-            break
+    said: list[str] = []
+    if splits and found.statics is not None and found.tried[0].merit > (_AT_NOISE + _GAIN) * channels:
         tell("what else the logs ask for", 0.8)
-        asked = ask(found.arm.parameters, found.free)
-        more = None if asked is None else _asked(found, asked, model, whole=whole)
-        if asked is not None and more is not None and more.tried[0].merit < found.tried[0].merit - _GAIN * channels:
-            found = more
-            said.append(asked.said)
+        found, said = _with_what_is_asked(found, model, whole=whole)
     best = found.tried[0] if np.isfinite(found.tried[0].merit) else own
     started = _started(found.coordinates, best.z)
     return Begin(found.arm, started, found.statics, best, found.tried[1:], not np.any(best.z), tuple(said))
@@ -161,6 +154,28 @@ def _searched(arm: Arm, free: Sequence[FreeParameter | str], model: Model, *, wh
             points += seen_times(coordinates, model, z, partial(_times, fit, mean_pressures(records)))
     tried = sorted(trials(model, points, whole=whole), key=lambda trial: trial.merit)
     return _Found(arm, tuple(free), coordinates, statics, tuple(tried))
+
+
+def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_Found, list[str]]:
+    """The same, or with more free, and what that is."""
+    records, said = model.records, []
+    channels = sum(len(rec.channels) for rec in records)
+    # A second look with nothing more is what more freedom is held against.
+    again = _asked(found, Asked(found.arm.parameters, found.free, "", True), model, whole=whole)
+    found = again if again is not None and again.tried[0].merit < found.tried[0].merit else found
+    commanded = any(rec.drive.commanded for rec in records)
+    for ask in (unlike_chambers, dead_time) if commanded else (unlike_chambers,):
+        asked = ask(found.arm.parameters, found.free)
+        more = None if asked is None else _asked(found, asked, model, whole=whole)
+        if asked is None or more is None or more.statics is None or found.statics is None:
+            continue
+        better = more.tried[0].merit < found.tried[0].merit - _GAIN * channels
+        if asked.static:
+            better &= more.statics.merit < found.statics.merit - _GAIN * found.statics.channels
+        if better:
+            found = more
+            said.append(asked.said)
+    return found, said
 
 
 def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found | None:
