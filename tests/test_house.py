@@ -200,7 +200,7 @@ def test_what_documents_and_docstrings_name_is_there() -> None:
 
 def test_examples_need_public_names_only() -> None:
     """What a package of ``bha`` lists in ``__all__``."""
-    examples = sorted((PACKAGE.parents[1] / "examples").glob("*.py"))
+    examples = sorted((PACKAGE.parents[1] / "examples").rglob("*.py"))
     assert examples
     for path in examples:
         for node in ast.walk(tree(path)):

@@ -3,8 +3,7 @@
 import numpy as np
 
 import bha
-from bha.plot import write_figure
-from bha.plot.style import COLORS, figure_of_size
+from bha.plot import COLORS, figure_of_size, write_figure
 
 arms = [bha.robots.load(name) for name in ("bha_nominal", "bha_hand", "asu_two_section_january")]
 with figure_of_size(6.4, 3.6) as figure:

@@ -1,8 +1,7 @@
 """What to command: pressures that make parameters known, within the limits of every input."""
 
 import bha
-from bha.plot import write_figure
-from bha.plot.style import COLORS, figure_of_size
+from bha.plot import COLORS, figure_of_size, write_figure
 
 arm = bha.robots.load("bha_nominal")
 proposal = bha.excite(arm, duration=10.0, rate=50.0, seed=1)

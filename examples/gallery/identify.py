@@ -4,8 +4,7 @@ import numpy as np
 
 import bha
 from bha.parameters import ArmParameters
-from bha.plot import write_figure
-from bha.plot.identification import plot_prediction
+from bha.plot import plot_prediction, write_figure
 
 nominal = bha.robots.parameters("bha_nominal").to_mapping()
 true = bha.Arm.from_parameters(ArmParameters.from_mapping({**nominal, "section": nominal["section"][:1]}))

@@ -3,8 +3,7 @@
 import numpy as np
 
 import bha
-from bha.plot import write_figure
-from bha.plot.style import COLORS, figure_of_size
+from bha.plot import COLORS, figure_of_size, write_figure
 
 arm = bha.robots.load("bha_nominal")
 time = np.linspace(0.0, 24.0, 2401)

@@ -3,8 +3,7 @@
 import numpy as np
 
 import bha
-from bha.plot import write_figure
-from bha.plot.style import COLORS, figure_of_size
+from bha.plot import COLORS, figure_of_size, write_figure
 
 arm = bha.robots.load("bha_nominal")
 pressures = np.linspace(1.0e5, 1.8e5, 25)

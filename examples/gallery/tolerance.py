@@ -1,9 +1,8 @@
 """What tolerances of manufacture do to the tip: 512 arms that rest under one set of pressures."""
 
 import bha
-import bha.sweeps
-from bha.plot import write_figure
-from bha.plot.style import figure_of_size
+from bha.plot import figure_of_size, write_figure
+from bha.sweeps import read
 
 scatter = {"relative": True, "distribution": "normal", "mean": 1.0}
 spec = {
@@ -21,7 +20,7 @@ spec = {
     ],
 }
 bha.sweep(spec, "tolerance")
-table = bha.sweeps.read("tolerance")
+table = read("tolerance")
 x, z, stiffness = (table.column(name).to_numpy() for name in ("final_tip_x", "final_tip_z", "section.*.stiffness.1"))
 with figure_of_size(5.2, 3.6) as figure:
     axes = figure.subplots()

@@ -3,8 +3,7 @@
 import numpy as np
 
 import bha
-from bha.plot import write_figure
-from bha.plot.style import figure_of_size
+from bha.plot import figure_of_size, write_figure
 
 arm = bha.robots.load("bha_nominal")
 random = np.random.default_rng(1)

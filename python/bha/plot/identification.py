@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bha.identification.result import Identification
 from bha.plot.style import COLORS, DASHED, SOLID, draw, figure_of_size, line_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from bha.identification.result import Identification
 
 _MM = 1e3
 
