@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benches.plants import common, judge, mujoco_arm  # noqa: E402
+from benches.plants.chain import GRAVITY, Chain  # noqa: E402
 
 TRUE = common.Guess(
     0.5, 0.3, 0.028, 0.018, 2e-5, 50.0, 3.0, 0.05, tuple(0.5 * np.pi * k + 0.3 for k in range(4)), (0.0, 0.0, 9.81), 5e4
@@ -138,3 +139,38 @@ def test_judge_by_hand(tmp_path: Path) -> None:
     failed = judge.judge(folder, f"{sys.executable} {script}", rename=False, timeout=60.0)
     assert failed.converged is None
     assert "AssertionError" in failed.problem
+
+
+def test_a_chain_of_one_link_is_a_pendulum_on_a_spring() -> None:
+    chain = Chain(1, 0.2, 0.05, ((0, 0.1, 0.4), (0, 0.25, 0.1)), stiffness=0.5, damping=0.3)
+    weight = GRAVITY * (0.4 * 0.1 + 0.1 * 0.25)
+    assert chain.across(2e-3) == pytest.approx(2e-3 * 0.25 / (0.5 + weight))
+    assert chain.across(2e-3, weight=0.0) == pytest.approx(2e-3 * 0.25 / 0.5)
+    assert chain.time() == pytest.approx(0.3 / (0.5 + weight))
+
+
+def test_a_chain_of_many_links_without_weight_is_an_arc() -> None:
+    count, length, moment, spring = 400, 0.3, 1e-3, 0.08
+    chain = Chain(count, length / count, 0.0, (), stiffness=spring * count, damping=count * 0.02)
+    assert chain.across(moment) == pytest.approx(0.5 * length * moment / spring, rel=5e-3)
+    assert chain.shape() == pytest.approx(np.full(count, 1.0 / count))
+    assert chain.time() == pytest.approx(0.02 / spring)
+
+
+def test_responses_are_judged_with_weight_and_without() -> None:
+    arm = load(common.arm_file(TRUE, common.Setup(), "a"))
+    springs = 2.0 * TRUE.stiffness * TRUE.radius**2 + TRUE.bending
+    middle = TRUE.length + 0.5 * TRUE.highest_pressure * TRUE.area / TRUE.stiffness
+    across = 0.5 * middle * TRUE.area * TRUE.radius / springs
+    truth = {
+        "arm": {"highest_pressure": TRUE.highest_pressure},
+        "across_per_pascal": 1.0,
+        "weightless_per_pascal": across,
+    }
+    found = judge.responses_of(arm, truth)
+    assert found["weightless_per_pascal"] == pytest.approx(1.0, rel=2e-3)
+    assert found["across_per_pascal"] < 0.9 * across
+    times = [{"across": 0.44, "along": 0.33, "lag": 0.31, "told": True}]
+    known = {"lag": 0.3, "time_across": 0.1, "time_along": 0.03}
+    assert judge.times_of(times, known) == pytest.approx({"time_across": 1.1, "time_along": 1.0, "lag": 0.31 / 0.3})
+    assert "lag" not in judge.times_of([{**times[0], "told": False}], known)

@@ -103,7 +103,9 @@ class Coordinate:
 
     def value(self, z: float) -> float:
         """Value in SI units at the coordinate z."""
-        return self.start * math.exp(z) if self.logarithmic else self.start + self.scale * z
+        value = self.start * math.exp(z) if self.logarithmic else self.start + self.scale * z
+        # On a bound rounding must not put it outside.
+        return self.lower if math.isclose(value, self.lower, abs_tol=1e-12 * self.scale) else value
 
     def coordinate(self, value: float) -> float:
         """Coordinate z of a value; infinite where a logarithm does not exist."""
