@@ -10,7 +10,7 @@ import pytest
 import bha
 from bha.errors import InputError, LogError
 from bha.viewer.colors import UNKNOWN, PressureScale, linear_light
-from bha.viewer.motions import MAGNIFICATIONS, Measured, Motion, magnification, motions_of
+from bha.viewer.motions import MAGNIFICATIONS, Measured, Motion, magnification, motions_of, part
 from bha.viewer.pages import picture_times
 from bha.viewer.show import Show
 
@@ -104,6 +104,24 @@ def test_what_cannot_be_shown_is_said(tmp_path: Path, log: bha.Log) -> None:
     np.savez(tmp_path / "other.npz", time=np.zeros(3))
     with pytest.raises(LogError, match="no trajectory that bha wrote"):
         motions_of(arm, [tmp_path / "other.npz"])
+
+
+def test_a_part_is_as_the_whole_within_its_time(log: bha.Log) -> None:
+    whole = motions_of(made.arm(), [log, bha.simulate(made.arm(), log)])
+    cut = part(whole, 0.503, 1.2)
+    for before, after in zip(whole, cut, strict=True):
+        assert (after.time[0], after.time[-1]) == (100.503, 101.2)
+        for time in (100.503, 100.8, 101.2):
+            np.testing.assert_allclose(after.at(time).lengths, before.at(time).lengths, atol=1e-12)
+            np.testing.assert_allclose(after.at(time).heads, before.at(time).heads, atol=1e-12)
+    assert cut[0].measured is not None
+    assert (cut[0].measured.time[0], cut[0].measured.time[-1]) == (pytest.approx(100.52), pytest.approx(101.2))
+    assert part(whole) == whole
+    assert part(whole, start=1.5)[0].time[-1] == 102.0
+    assert part(whole, end=0.0)[0].time.tolist() == [100.0]
+    for start, end in ((3.0, None), (1.0, 0.5), (None, -1.0)):
+        with pytest.raises(InputError, match=r"nothing from .*; it lasts 2 s"):
+            part(whole, start, end)
 
 
 def test_small_gaps_are_drawn_longer() -> None:

@@ -11,7 +11,7 @@ from bha.arm import Arm
 from bha.cli.common import arm_argument, progress_bar, reports_errors, say
 from bha.cli.logs import missing_option, pressures_option
 from bha.recordings import PressureSort
-from bha.viewer import Viewer, checked_page_path, checked_video_path, motions_of, page, write_video
+from bha.viewer import Viewer, checked_page_path, checked_video_path, motions_of, page, part, write_video
 from bha.viewer.pages import RATE
 
 
@@ -28,6 +28,8 @@ from bha.viewer.pages import RATE
               help="Write one .html file that plays by itself, without a network, and end.")  # fmt: skip
 @click.option("--video", "video_path", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False),
               help="Write a video (.mp4) or an animated picture (.gif, .webp), and end.")  # fmt: skip
+@click.option("--from", "start", type=float, help="Show the log from here on [s after its start].")
+@click.option("--to", "end", type=float, help="Show the log up to here [s after its start].")
 @click.option("--speed", type=float, default=1.0, show_default=True,
               help="Of pages and videos: how many seconds are played in one.")  # fmt: skip
 @click.option("--rate", type=float, default=RATE, show_default=True,
@@ -43,6 +45,8 @@ def view(
     browser: bool,
     page_path: Path | None,
     video_path: Path | None,
+    start: float | None,
+    end: float | None,
     speed: float,
     rate: float,
 ) -> None:
@@ -59,7 +63,7 @@ def view(
         checked_video_path(video_path)
     with progress_bar() as bar:
         task = bar.add_task("reading and simulating", total=None)
-        motions = motions_of(arm, sources, pressures=pressures, missing=missing)
+        motions = part(motions_of(arm, sources, pressures=pressures, missing=missing), start, end)
         written = []
 
         def drawn(done: float) -> None:

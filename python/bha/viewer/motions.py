@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,6 +187,38 @@ def _motion(arm: Arm, source: Source, pressures: PressureSort | None, missing: b
             raise InputError(f"{source.name}: a recording of {source.arm.name}, not of {arm.name}")
         return of_recording(source)
     raise InputError(f"{type(source).__name__} is shown by nothing; give logs, trajectories or paths of files")
+
+
+def part(motions: Sequence[Motion], start: float | None = None, end: float | None = None) -> tuple[Motion, ...]:
+    """What motions show from ``start`` to ``end``, s after the start of the first; all that there is where None.
+
+    Raises:
+        InputError: nothing happens then.
+    """
+    if not motions or (start is None and end is None):
+        return tuple(motions)
+    zero = float(motions[0].time[0])
+    low = zero if start is None else zero + start
+    high = float(motions[0].time[-1]) if end is None else zero + end
+    if not low <= high or low > motions[0].time[-1] or high < zero:
+        span = f"from {low - zero:g} to {high - zero:g} s"
+        raise InputError(f"{motions[0].label}: nothing {span}; it lasts {motions[0].time[-1] - zero:g} s")
+    return tuple(_cut(motion, low, high) for motion in motions)
+
+
+def _cut(motion: Motion, low: float, high: float) -> Motion:
+    """A motion from one time to another, both ends with a row; measurements as they are."""
+    inside = motion.time[(motion.time > low) & (motion.time < high)]
+    times = np.unique(np.clip(np.concatenate([[low], inside, [high]]), motion.time[0], motion.time[-1]))
+    rows: dict[str, Any] = {
+        name: np.stack([_between(motion.time, getattr(motion, name), float(t)) for t in times])
+        for name in ("lengths", "pressures", "heads")
+    }
+    measured = motion.measured
+    if measured is not None:
+        kept = (measured.time >= low) & (measured.time <= high)
+        measured = Measured(measured.time[kept], measured.heads[kept]) if kept.any() else None
+    return replace(motion, time=times, measured=measured, **rows)
 
 
 def of_trajectory(arm: Arm, trajectory: Trajectory, label: str) -> Motion:

@@ -91,7 +91,7 @@ def picture_times(start: float, end: float, *, rate: float, speed: float, most: 
         least = float(np.ceil(10.0 * (end - start) * rate / most) / 10.0)
         raise InputError(
             f"{end - start:g} s are {count} pictures, at most {most} are allowed; play them faster "
-            f"(speed {least:g}), with fewer pictures a second (rate), or show a part of the log"
+            f"(speed {least:g}), with fewer pictures a second (rate), or show a part of it"
         )
     return np.asarray(start + np.arange(count) * (speed / rate), dtype=np.float64)
 
