@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bha
-from bha.estimation.begin import begin
-from bha.estimation.free import resolve
+from bha.estimation.begin import _started, begin
+from bha.estimation.free import FreeParameter, resolve
 from bha.estimation.lags import with_lag
 from bha.estimation.records import record
 from bha.estimation.scale import default_free_of, scale_of
@@ -124,3 +124,11 @@ def test_a_lag_is_free_under_commands_only() -> None:
     lagging, free = with_lag(arm, commanded)
     assert [f.path for f in free] == ["pneumatics.fill_time", "pneumatics.vent_time"]
     assert paths.get_value(lagging.parameters, "pneumatics.vent_time") > 0
+
+
+def test_a_start_at_its_bound_is_within_it() -> None:
+    """ln(1e4 / 3) and back is beyond 1e4 by rounding: what begins there must still be allowed to begin."""
+    parameters = bha.robots.parameters("bha_nominal")
+    coordinates = resolve(parameters, [FreeParameter("section.1.damping", start=3.0, upper=1e4)])
+    (started,) = _started(coordinates, np.array([coordinates[0].bounds[1]]))
+    assert resolve(parameters, [started])[0].start == 1e4

@@ -219,7 +219,8 @@ def _started(coordinates: Sequence[Coordinate], z: Array) -> tuple[FreeParameter
     return tuple(
         replace(
             FreeParameter(c.path, c.sessions),
-            start=c.value(float(entry)),
+            # At a bound a logarithm may round to beyond it.
+            start=min(max(c.value(float(entry)), c.lower), c.upper),
             lower=c.lower,
             upper=c.upper,
             prior=(c.prior_mean, c.prior_deviation),
