@@ -127,8 +127,8 @@ def test_a_lag_is_free_under_commands_only() -> None:
 
 
 def test_a_start_at_its_bound_is_within_it() -> None:
-    """ln(1e4 / 3) and back is beyond 1e4 by rounding: what begins there must still be allowed to begin."""
+    """ln(1e4 / 3000) and back is beyond 1e4 by rounding: what begins there must still be allowed to begin."""
     parameters = bha.robots.parameters("bha_nominal")
-    coordinates = resolve(parameters, [FreeParameter("section.1.damping", start=3.0, upper=1e4)])
+    coordinates = resolve(parameters, [FreeParameter("section.1.damping", start=3000.0, upper=1e4)])
     (started,) = _started(coordinates, np.array([coordinates[0].bounds[1]]))
     assert resolve(parameters, [started])[0].start == 1e4
