@@ -22,7 +22,7 @@ import bha
 from bha import _core
 from bha.identification import Settings, default_free, identify
 
-from .identify_recovery import Case, arm_of, start_of, synthetic_log
+from .identify_recovery.logs import Condition, arm_of, start_of, synthetic_log
 
 BLIND = Path(__file__).parent / "blind"
 SIDES = ("scalar", _core.instruction_sets()[-1])
@@ -43,7 +43,7 @@ def identification() -> Callable[[], str]:
     """The parameters that are free by default, of the nominal arm, from 20 s at 200 Hz."""
     arm = arm_of(3)
     free = default_free(arm.parameters)
-    log = synthetic_log(Case(arm, 20.0, 200.0), 0)
+    log = synthetic_log(arm, Condition("lanes", rate=200.0), 0)
     start = start_of(arm, free, 0)
 
     def run() -> str:

@@ -39,6 +39,7 @@ __all__ = [
     "effect_kinds",
     "format_table_rows",
     "formula_fault",
+    "innovations",
     "instruction_sets",
     "linear_quadratic_gain",
     "linearize",
@@ -416,6 +417,18 @@ def resolved_motion(
 def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def innovations(
+    transitions: ArrayLike,
+    added: ArrayLike,
+    kinds: Sequence[int],
+    kept: ArrayLike,
+    sizes: ArrayLike,
+    shown: ArrayLike,
+    white: ArrayLike,
+    read: Sequence[bool],
+    covariance: ArrayLike,
+    values: ArrayLike,
+) -> tuple[NDArray[np.float64], float] | None: ...
 def linear_quadratic_gain(a: ArrayLike, b: ArrayLike, q: ArrayLike, r: ArrayLike) -> NDArray[np.float64]: ...
 
 @final

@@ -39,6 +39,7 @@
 //! | [`body`] | sections and bellows, and what a parameter file says | real, error |
 //! | [`integrate`] | methods for differential equations | real, error |
 //! | [`real`] | scalars, lanes, dual numbers, small vectors and matrices | |
+//! | [`innovations`] | Kalman's filter of what a simulation leaves; knows nothing of arms | |
 //! | [`table`] | measured logs and trajectories as text; knows nothing of arms | |
 //! | [`memory`] | room for large results | error |
 //! | [`error`] | errors | |
@@ -50,6 +51,7 @@ pub mod dynamics;
 pub mod effects;
 pub mod error;
 pub mod forces;
+pub mod innovations;
 pub mod integrate;
 pub mod kinematics;
 pub mod memory;

@@ -86,8 +86,9 @@ def scores(problem: Problem, point: Point, sensitivities: Sequence[Array], seed:
         disturbed = redrawn(model, seed, draw).predict(point.z, problem.windows, point.states)
         score = np.zeros(p)
         for window, sensitivity, a, b in zip(problem.windows, sensitivities, base, disturbed, strict=True):
-            change = (b - a) / problem.residuals.scale[window.record]
-            score += np.einsum("tcp,tc->p", sensitivity, np.nan_to_num(change))
+            mask = problem.model.records[window.record].usable[window.first : window.last]
+            change = problem.residuals.white(window, np.nan_to_num(b - a), mask)
+            score += np.einsum("tcp,tc->p", sensitivity, change)
         total += np.outer(score, score) / draws
     return total
 

@@ -1,10 +1,11 @@
-"""Joint refinement by output error: all free parameters from all logs at once, by simulation from measured pressures.
+"""Joint refinement: all free parameters from all logs at once, by simulation from measured pressures.
 
 A lightly damped arm makes the loss of one long simulation a range of narrow valleys: half a period of phase error
 already points the wrong way. The fit therefore starts with windows shorter than a period, each with its own initial
 state, and ends with longer ones (Bock's multiple shooting without its continuity constraints; a window forgets its
 initial state within a few decay times). The scale of a channel's residuals is its sensor noise where the model is good
-enough, and the spread of what the model leaves where it is not.
+enough, and the spread of what the model leaves where it is not. That is output error; the last stage takes what it
+leaves to innovations and estimates the noises with the parameters (:mod:`bha.estimation.disturbed`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import ConvergenceError
 from bha.estimation.conditions import Condition
+from bha.estimation.disturbed import Disturbed, fit_with_noise
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.initial import guess_state
@@ -41,6 +43,8 @@ _COARSE_INTERVAL = 0.01
 #: Scales that change by less than this part are settled.
 _SETTLED = 0.05
 _SHORT_BUDGET = 20.0
+#: Windows in which noises are estimated last at least this long, s, and no longer than logs.
+_NOISE_WINDOW = 30.0
 #: Most steps by which the shift of pressure noise is taken off.
 _CORRECTIONS = 4
 
@@ -62,6 +66,9 @@ class Settings:
         state_deviation: standard deviations of initial lengths (m) and rates (m/s) of a window about what was measured
             there. Wide by default. A model with a gap needs narrow ones where windows are long: initial states would
             make up for the gap, and a log that is predicted from its start has none to make up with.
+        prediction_error: whether the noises are estimated with the model in a last stage, and residuals weighed by
+            them; output error alone if not. None: where an arm of one section is driven by measured pressures and
+            its lengths are measured; with more sections the search for sizes takes longer than the fit.
         draws: redrawn pressure noises for the standard errors; 0 leaves pressure noise out.
         seed: of the redrawn noises.
     """
@@ -74,6 +81,7 @@ class Settings:
     max_iterations: int = 40
     threads: int | None = None
     state_deviation: tuple[float, float] = STATE_DEVIATION
+    prediction_error: bool | None = None
     draws: int = 24
     seed: int = 0
 
@@ -89,6 +97,7 @@ class Refinement:
         uncertainty: covariance of the coordinates there; None where it could not be computed.
         pressure_shift: how far the coordinates were moved to take off what noise of the pressures does, shape (p,).
         seconds: how long it took.
+        noises: the noises that were found with the parameters; None for a fit by output error alone.
     """
 
     problem: Problem
@@ -96,6 +105,7 @@ class Refinement:
     uncertainty: Uncertainty | None
     pressure_shift: Array
     seconds: float
+    noises: Disturbed | None = None
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -173,7 +183,7 @@ def refine(
     pace = _pace(model, stages, settings, progress or (lambda _text, _fraction: None))
     reached: tuple[Problem, Outcome] | None = None
     finer: float | None = None
-    searched = False
+    searched, noises = False, None
     try:
         for number, stage in enumerate(stages):
             final = number == len(stages) - 1
@@ -207,7 +217,10 @@ def refine(
         assert reached is not None
         searched = True
         problem, outcome = reached
-        outcome, known, moved = _known(problem, outcome, settings, pace)
+        noises = _with_noises(problem, outcome, settings, pace)
+        if noises is not None:
+            problem, outcome = reached = noises.problem, noises.outcome
+        outcome, known, moved = _known(problem, outcome, noises, settings, pace)
     except KeyboardInterrupt:
         if reached is None or not np.isfinite(reached[1].point.cost):
             raise  # there is nothing yet that was not there before
@@ -216,18 +229,20 @@ def refine(
         outcome = replace(outcome, converged=searched and outcome.converged, interrupted=True, message=how)
         known, moved = None, np.zeros_like(outcome.point.z)
     pace.finish()
-    return Refinement(problem, outcome, known, moved, clock.perf_counter() - began)
+    return Refinement(problem, outcome, known, moved, clock.perf_counter() - began, noises)
 
 
 def _known(
-    problem: Problem, outcome: Outcome, settings: Settings, pace: Pace
+    problem: Problem, outcome: Outcome, noises: Disturbed | None, settings: Settings, pace: Pace
 ) -> tuple[Outcome, Uncertainty | None, Array]:
     """The outcome without what pressure noise has moved it by, how well it is known, and how far it was moved."""
     pace.last("standard errors")
     z, known = outcome.point.z, None
     try:
         outcome, normal, better = _without_pressure_noise(problem, outcome, settings)
-        known = uncertainty(problem, outcome.point, normal, better, seed=settings.seed, draws=settings.draws)
+        known = uncertainty(
+            problem, outcome.point, normal, better, noises=noises, seed=settings.seed, draws=settings.draws
+        )
     except (ConvergenceError, np.linalg.LinAlgError) as error:
         pace.note(f"standard errors: {error}")
     return outcome, known, outcome.point.z - z
@@ -245,6 +260,38 @@ def _pace(model: Model, stages: Sequence[_Stage], settings: Settings, tell: Prog
 def _teller(pace: Pace, stage: _Stage, number: int) -> Callable[[int, float], None]:
     label = "whole logs" if stage.length is None else f"windows of {stage.length:g} s"
     return lambda iteration, cost: pace.step(f"{label}, step {iteration + 1}, loss {cost:.4g}", number, iteration)
+
+
+def _with_noises(problem: Problem, outcome: Outcome, settings: Settings, pace: Pace) -> Disturbed | None:
+    """The last stage, in windows as long as what is slow; None where it is not wanted, or its simulations fail."""
+    wanted = settings.prediction_error
+    if wanted is None:
+        wanted = _is_for_noises(problem.model)
+    # It begins near a minimum.
+    if not (wanted and outcome.converged):
+        return None
+    assert settings.windows is not None
+    pace.last("noises")
+    length = None if settings.windows[-1] is None else max(settings.windows[-1], _NOISE_WINDOW)
+    point = outcome.point
+    try:
+        long = _stage_problem(problem.model, point.z, problem.prior, length, settings)
+        start = Point(point.z, long.guesses)
+        if not np.isfinite(long.evaluated(start.z, start.states).cost):
+            # An arm near the edge of stability is followed in short windows only.
+            long, start = problem, point
+        return fit_with_noise(long, start, max_iterations=settings.max_iterations, tolerance=_TOLERANCE)
+    except (ConvergenceError, np.linalg.LinAlgError):
+        return None
+
+
+def _is_for_noises(model: Model) -> bool:
+    """Whether noises are estimated by default: what intervals were tested on, in time that is short beside the fit."""
+    measured = all(
+        not rec.drive.commanded and all(output.kind == "length" for output in rec.observation.outputs)
+        for rec in model.records
+    )
+    return measured and len(model.parameters.sections) == 1
 
 
 def _without_pressure_noise(

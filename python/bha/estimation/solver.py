@@ -10,7 +10,7 @@ Source: Levenberg (1944), Marquardt (1963); elimination as in bundle adjustment,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
+from bha.estimation.innovations import Whitening
 from bha.estimation.records import Window
 from bha.estimation.steps import bounded_step, huber_loss
 
@@ -42,18 +43,27 @@ class Residuals:
     Attributes:
         scale: per record the scale of each channel's residuals, m, shape (C,).
         huber: Huber's constant in scales; infinite for plain least squares.
+        whitening: filters that take a window's residuals to innovations; for windows that have none (gain 0, output
+            error) they are divided by their scale.
     """
 
     scale: tuple[Array, ...]
     huber: float = HUBER
+    whitening: Mapping[Window, Whitening] = field(default_factory=dict)
 
     def scaled(self, model: Model, window: Window, predicted: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Residuals in scales, shape (rows, C), zero where a measurement does not count, and which count."""
         rec = model.records[window.record]
         rows = slice(window.first, window.last)
         mask = rec.usable[rows]
-        raw = (np.where(mask, rec.measured[rows], 0.0) - predicted) / self.scale[window.record]
-        return np.where(mask, raw, 0.0), mask
+        return self.white(window, np.where(mask, rec.measured[rows], 0.0) - predicted, mask), mask
+
+    def white(self, window: Window, values: Array, mask: NDArray[np.bool_]) -> Array:
+        """Residuals (rows, C), or what is linear in them (rows, C, ...), in scales; zero where nothing counts."""
+        kept = np.where(mask.reshape(*mask.shape, *[1] * (values.ndim - 2)), values, 0.0)
+        if window in self.whitening:
+            return self.whitening[window](kept)
+        return np.asarray(kept / self.scale[window.record].reshape(-1, *[1] * (values.ndim - 2)))
 
     def cost(self, residuals: Array) -> float:
         """Sum of the loss; for plain least squares the sum of squares."""
@@ -244,8 +254,8 @@ class Problem:
         for k, (window, (predicted, by_z, by_state)) in enumerate(zip(self.windows, linear, strict=True)):
             residual, mask = self.residuals.scaled(self.model, window, predicted)
             weight = self.residuals.weights(residual)
-            factor = (weight * mask / self.residuals.scale[window.record])[..., None]
-            block = Block(weight * residual, by_z * factor, by_state * factor, mask, weight)
+            slopes = self.residuals.white(window, np.concatenate([by_z, by_state], axis=-1), mask) * weight[..., None]
+            block = Block(weight * residual, slopes[..., :p], slopes[..., p:], mask, weight)
             a, b, r = block.by_z.reshape(mask.size, p), block.by_state.reshape(mask.size, s), block.residual.ravel()
             h, g = h + a.T @ a, g + a.T @ r
             h_state[k] = b.T @ b + np.diag(state_precision)

@@ -1,9 +1,11 @@
 """How well the parameters are known at the end of a fit.
 
-Three sources of error are put together:
+Sources of error are put together:
 
 - sensor noise of what was measured, through the inverse of the normal equations;
 - noise of the measured pressures that drive the simulation, through simulations with redrawn noise;
+- what is not known of the sizes of the noises, where these were found (:mod:`bha.estimation.noise_fit`), and what
+  rounding to coarse steps does beyond a first-order process, by redrawn readings;
 - whatever makes residuals correlated (a model that is not quite right), through the sandwich estimator with a Bartlett
   kernel over the scores (Newey and West 1987). It counts only where it is larger than the first two: in every direction
   the larger variance is taken.
@@ -17,13 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.estimation import pressure_noise
+from bha.estimation.disturbed import Disturbed
+from bha.estimation.noise import redrawn_errors
+from bha.estimation.noise_fit import spread_of_sizes
 from bha.estimation.pressure_noise import Corrected
 from bha.estimation.solver import Normal, Point, Problem
 
 Array = NDArray[np.float64]
 
 #: Redrawn pressure noises.
-DRAWS = 24
+DRAWS = 48
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,7 @@ class Uncertainty:
     Attributes:
         covariance: all sources together.
         from_sensors: from sensor noise alone.
-        from_pressures: from noise of the pressures.
+        from_pressures: from noise of the pressures; zero for innovations, whose own covariance has it.
         information: information on z in the data (without priors), initial states eliminated.
         inflation: median over parameters of the variance, all sources together, by that from sensor noise.
         correlation_time: time over which residuals stay correlated, s, the longest of all channels.
@@ -67,7 +72,14 @@ def projections(normal: Normal) -> list[Projection]:
 
 
 def uncertainty(
-    problem: Problem, point: Point, normal: Normal, better: Corrected, *, seed: int = 0, draws: int = DRAWS
+    problem: Problem,
+    point: Point,
+    normal: Normal,
+    better: Corrected,
+    *,
+    noises: Disturbed | None = None,
+    seed: int = 0,
+    draws: int = DRAWS,
 ) -> Uncertainty:
     """Covariance of the coordinates at the minimum ``point``.
 
@@ -76,6 +88,7 @@ def uncertainty(
         point: the minimum.
         normal: normal equations there, blocks kept.
         better: information without what pressure noise adds to it.
+        noises: what residuals are weighed by, where they are innovations.
         seed: of redrawn pressure noises.
         draws: how many of them.
     """
@@ -86,12 +99,21 @@ def uncertainty(
     spread = inverse @ better.measured
     sensors = spread @ (h - prior) @ spread.T + inverse @ prior @ inverse
     sensitivities = [part.sensitivity * part.mask[..., None] for part in parts]
-    pressures = spread @ pressure_noise.scores(problem, point, sensitivities, seed, draws) @ spread.T
+    drawn = draws if noises is None or noises.is_coarse else 0
+    pressures = spread @ pressure_noise.scores(problem, point, sensitivities, seed, drawn) @ spread.T
     rows, seconds = _correlation_rows(problem, parts)
     scores = np.zeros_like(h)
     for part, lag in zip(parts, rows, strict=True):
         scores += _bartlett(np.einsum("tcp,tc->tp", part.sensitivity, part.residual), lag)
-    covariance = larger(sensors + pressures, spread @ scores @ spread.T)
+    covariance = sensors + pressures
+    if noises is not None:
+        # Innovations have all that disturbs in their own covariance, but for readings in coarse steps.
+        covariance = sensors
+        if noises.is_coarse:
+            readings = _redrawn_readings(noises, sensitivities, seed, max(draws, DRAWS))
+            covariance = larger(covariance, spread @ readings @ spread.T + pressures)
+        covariance = covariance + _of_sizes(noises)
+    covariance = larger(covariance, spread @ scores @ spread.T)
     return Uncertainty(
         covariance=covariance,
         from_sensors=sensors,
@@ -100,6 +122,25 @@ def uncertainty(
         inflation=float(np.median(np.diag(covariance) / np.diag(inverse))),
         correlation_time=seconds,
     )
+
+
+def _of_sizes(noises: Disturbed) -> Array:
+    """What is not known of the sizes of the noises: how far estimates and covariance move with them, shape (p, p)."""
+    beyond = spread_of_sizes(noises.likelihood, noises.found) - noises.found.judged.covariance
+    values, vectors = np.linalg.eigh(0.5 * (beyond + beyond.T))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _redrawn_readings(noises: Disturbed, sensitivities: list[Array], seed: int, draws: int) -> Array:
+    """Covariance (p, p) of the descent direction that noise and rounding of the readings cause, by redrawing them."""
+    random = np.random.default_rng([seed, 1])
+    scores = np.zeros((draws, sensitivities[0].shape[2]))
+    for piece, sensitivity in zip(noises.likelihood.pieces, sensitivities, strict=True):
+        noise = piece.noise(noises.found.sizes)
+        errors = np.stack([redrawn_errors(noise, piece.course, random) for _ in range(draws)], axis=-1)
+        white = piece.filter(noises.found.sizes)(errors)
+        scores += np.einsum("tcp,tcd->dp", sensitivity, white)
+    return scores.T @ scores / draws
 
 
 def larger(a: Array, b: Array) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import InputError
+from bha.estimation.disturbed import Disturbed
 from bha.estimation.free import Coordinate
 from bha.estimation.lags import CommonTime
 from bha.estimation.records import Record
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 
 #: A fit that leaves more than this many times the sensor noise lacks physics, not parameters.
 GAP = 1.5
+#: Mean squares of white residuals between which a noise model may be right: on both sides of one.
+WHITE = (0.6, 1.6)
 #: Distance from the prior's mean, in its standard deviations, that is reported.
 _SURPRISE = 2.5
 
@@ -267,7 +270,10 @@ def _left(refinement: Refinement, arm: Arm) -> list[ChannelResidual]:
         rec = problem.model.records[window.record]
         rows = slice(window.first, window.last)
         errors.append(np.where(rec.usable[rows], rec.measured[rows] - predicted, np.nan))
-    return channel_residuals(problem.model.records, problem.windows, errors, arm.inputs)
+    records = list(problem.model.records)
+    if refinement.noises is not None:
+        records = [rec.with_noise(refinement.noises.noise(k).sensor) for k, rec in enumerate(records)]
+    return channel_residuals(records, problem.windows, errors, arm.inputs)
 
 
 def _held_out(start: Arm, refinement: Refinement, records: Sequence[Record]) -> list[HeldOut]:
@@ -311,6 +317,8 @@ def _warnings(
                 "prior: check the prior, or what the model lacks"
             )
     said += [f"not identified: {combination.text}" for combination in unknown]
+    if refinement.noises is not None:
+        said += _of_noises(refinement.noises, refinement.problem.model.records)
     large = [r for r in residuals if r.rms > GAP * r.noise]
     if large:
         worst = max(large, key=lambda r: r.rms / r.noise)
@@ -320,6 +328,25 @@ def _warnings(
             "model lacks physics there, and the intervals are those of the best parameters of a model that is not "
             "quite right; `bha diagnose` names what is missing"
         )
+    return said
+
+
+def _of_noises(noises: Disturbed, records: Sequence[Record]) -> list[str]:
+    """What the noises say of the model, and whether they are right themselves."""
+    said = []
+    if words := noises.unlogged_words():
+        said.append(
+            f"what acts on the arm and is in no log, or is not in the model, is as much as pressures of {words}; the "
+            "intervals are those of a fit that knows this"
+        )
+    for number, rec in enumerate(records):
+        squares = noises.mean_square(number)
+        wrong = [c for c, s in zip(rec.channels, squares, strict=True) if not WHITE[0] < s < WHITE[1]]
+        if wrong:
+            said.append(
+                f"{rec.name}: the noise model is wrong in {', '.join(wrong)}: mean squares of the white residual are "
+                f"{', '.join(f'{s:.2g}' for s in squares)} where one is right; the intervals do not hold"
+            )
     return said
 
 

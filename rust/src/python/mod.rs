@@ -9,6 +9,7 @@ mod derivatives;
 mod effects;
 mod errors;
 mod external;
+mod innovations;
 mod input;
 mod signals;
 mod simulation;
@@ -45,6 +46,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::resolved_motion, m)?)?;
     m.add_function(wrap_pyfunction!(control::linearize, m)?)?;
     m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
+    m.add_function(wrap_pyfunction!(innovations::innovations, m)?)?;
     m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(simulation::check_options, m)?)?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;
