@@ -35,6 +35,23 @@ def test_recovery_from_a_wrong_start(force_model: str) -> None:
     assert np.all(inside & (fit.values < fit.intervals[:, 1]))
 
 
+def test_a_number_that_logs_do_not_tell_stays_within_its_bounds_and_is_assumed() -> None:
+    """A damping far too small to act, with a prior that is wide open."""
+    arm = one_section()
+    rec = record(arm, measured(arm, multisine(arm, 3.0, 50.0, 1)))
+    mapping = arm.parameters.to_mapping()
+    mapping["effect"] = [{"kind": "quadratic_damping", "where": "all", "damping": 1e-6}]
+    start = bha.Arm(arm.parameters.updated(mapping))
+    wide = FreeParameter("effect.1.damping", prior=(1e-6, 1e-4), logarithmic=True, lower=1e-12, upper=1e-6)
+    fit = refine(start, [rec], ["section.1.mass", "section.1.damping", wide], Settings(windows=(1.5,), draws=0))
+    low, high = fit.intervals[2]
+    assert 1e-12 <= low <= high <= 1e-6
+    found = identification(start, fit)
+    status = {e.path: e.identified for e in found.estimates}
+    assert not status["effect.1.damping"]
+    assert found.parameters().effects[0].provenance["damping"].status == "assumed"
+
+
 def test_head_positions_tell_as_well() -> None:
     arm = one_section()
     start = off(arm, FACTORS)

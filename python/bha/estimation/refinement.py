@@ -127,12 +127,18 @@ class Refinement:
 
     @property
     def intervals(self) -> Array:
-        """95 % intervals of the values, SI units, shape (p, 2); on the logarithmic scale where that is estimated."""
+        """95 % intervals of the values, SI units, shape (p, 2); on the logarithmic scale where that is estimated.
+
+        Within the bounds: what logs do not tell of a number without a prior would be anything else beyond them.
+        """
         z = self.outcome.point.z
         if self.uncertainty is None:
             return np.full((len(z), 2), np.nan)
         reach = 1.96 * np.sqrt(np.diag(self.uncertainty.covariance))
-        ends = [[c.value(a - d), c.value(a + d)] for c, a, d in zip(self.coordinates, z, reach, strict=True)]
+        ends = [
+            [c.value(float(end)) for end in np.clip([a - d, a + d], *c.bounds)]
+            for c, a, d in zip(self.coordinates, z, reach, strict=True)
+        ]
         return np.sort(np.array(ends), axis=1)
 
     @property

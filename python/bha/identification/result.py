@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -374,9 +375,13 @@ def _marks(parameters: ArmParameters, result: Identification, session: str) -> I
 
 
 def _narrows(coordinate: Coordinate, estimate: Estimate) -> bool:
-    """Whether the interval is less than half as wide as the prior's: else the value is the prior's, and assumed."""
+    """Whether the interval is less than half as wide as the prior's: else the value is the prior's, and assumed.
+
+    A prior that is wider than a factor of five, as that of a mere guess, counts as one of a factor of five.
+    """
     slope = abs(estimate.value) if coordinate.logarithmic else coordinate.scale
-    return estimate.standard_error < 0.5 * coordinate.prior[1] * slope
+    prior = min(coordinate.prior[1], math.log(5.0)) if coordinate.logarithmic else coordinate.prior[1]
+    return estimate.standard_error < 0.5 * prior * slope
 
 
 def _held_out_summary(held: HeldOut) -> dict[str, Any]:
