@@ -27,12 +27,6 @@ MAP = PACKAGE.parents[1] / "CONTRIBUTING.md"
 #: What is seen from outside, and ``python -m bha``: they stand above all rooms.
 DOORS = {"bha", "bha.__main__"}
 
-#: What of the core is called in several files: a diagnosis has an engine of its own, with arms of no parameter file.
-MORE_DOORS = {
-    "Arm": {f"bha.diagnosis.{name}" for name in ("baseline", "engine", "figures", "screen", "workflow")},
-    "simulate_batch": {"bha.simulation.batch", "bha.diagnosis.engine"},
-}
-
 
 def rooms() -> dict[str, set[str] | None]:
     """The map, from the top down: what each room may import; None: every room."""
@@ -138,8 +132,7 @@ def test_one_door_into_the_core() -> None:
                 if isinstance(holder, ast.Name) and holder.id == "_core":
                     called.setdefault(node.func.attr, set()).add(name)
     assert "simulate_batch" in called
-    several = {name: places for name, places in called.items() if len(places) > 1}
-    assert several == {name: places & MORE_DOORS.get(name, set()) for name, places in several.items()}
+    assert not {name: places for name, places in called.items() if len(places) > 1}
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:

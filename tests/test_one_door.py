@@ -12,12 +12,10 @@ import pytest
 from click.testing import CliRunner
 
 import bha
-from bha import _core
 from bha.cli import main
-from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.engine import Engine
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.preparation import prepare
-from bha.diagnosis.start import first_state
 from bha.identification import predict, record
 from bha.parameters import ArmParameters
 from bha.recordings import PressureSort
@@ -143,13 +141,11 @@ def test_diagnose(case: Case) -> None:
     recording = bha.Recording(arm, csv, pressures=sort)
     rec = prepare(recording)
     model = plain_model(recording.acting)
-    text = model.arm(np.zeros(model.size))
-    state = first_state(_core.Arm(text), rec, 1)
     # What the arm showed lies before: at rest, where the log begins.
     state = np.concatenate(
         [recording.acting.static_lengths(rec.drive.pressures[0] + [0.0, 800.0, 0.0, 0.0]), np.zeros(3)]
     )
-    (outputs,) = Engine(2e-3, threads=1).run([Job(text, rec, state)])
+    (outputs,) = Engine(2e-3, threads=1).run(model.runs(np.zeros(model.size), [rec], [state]))
     error = np.sqrt(
         np.mean(np.where(rec.usable, rec.measured - outputs, 0.0) ** 2, axis=0) / np.mean(rec.usable, axis=0)
     )

@@ -31,6 +31,7 @@ __all__ = [
     "Table",
     "TableColumn",
     "TextFound",
+    "Variants",
     "VirtualArm",
     "VirtualRows",
     "__version__",
@@ -147,6 +148,11 @@ class Arm:
         coupled: bool = True,
         start: ArrayLike | None = None,
     ) -> NDArray[np.float64]: ...
+
+@final
+class Variants:
+    def __new__(cls, parameters_json: str, places: Sequence[str]) -> Self: ...
+    def arm(self, values: ArrayLike) -> Arm: ...
 
 @final
 class DynamicsTerms:

@@ -11,8 +11,8 @@ import pytest
 import bha
 from bha.arm.geometry import camera_frame
 from bha.diagnosis.camera import with_camera
-from bha.diagnosis.engine import Engine, Job
-from bha.diagnosis.model import plain_model
+from bha.diagnosis.engine import Engine
+from bha.diagnosis.model import of_camera, plain_model, runs_of
 from bha.diagnosis.preparation import prepare
 from bha.parameters import ArmParameters
 from bha.parameters.sensors import SensorsParameters
@@ -76,23 +76,26 @@ def test_published_frames_stay_and_lengths_have_none() -> None:
     mapping = arm.parameters.to_mapping() | {"sensors": known}
     fixed = bha.Arm(ArmParameters.from_mapping(mapping))
     model = with_camera(plain_model(fixed), fixed)
-    assert [c.name for c in model.plain if c.of_camera] == [f"camera_rotation {axis}" for axis in "xyz"]
+    assert [c.name for c in model.plain if of_camera(c)] == [f"camera_rotation {axis}" for axis in "xyz"]
     camera = model.camera(np.zeros(model.size))
     assert camera is not None
     assert np.array_equal(camera.position, [0.1, 0.0, 0.0])
     assert plain_model(arm).camera(np.zeros(plain_model(arm).size)) is None
 
 
-def test_a_run_is_seen_by_the_camera_of_its_job() -> None:
+def test_a_run_is_seen_by_its_own_camera() -> None:
     arm, log = one_section(), seen_by_another_camera([])[0]
     record = prepare(bha.Recording(arm, log))
     model = with_camera(plain_model(arm), arm)
     x = np.zeros(model.size)
-    text, state = model.arm(x), np.concatenate([arm.static_lengths(record.drive.pressures[0]), np.zeros(3)])
+    core, state = model.arm(x), np.concatenate([arm.static_lengths(record.drive.pressures[0]), np.zeros(3)])
     x[-6:] = [1.0, -0.5, 0.2, 0.3, 0.1, -0.4]
-    assert model.arm(x) == text
-    jobs = [Job(text, record, state), Job(text, record, state, camera=model.camera(x)), Job(text, record, state + 1e-3)]
-    plain, seen, other = Engine(5e-3, threads=1).run(jobs)
+    assert model.arm(x) is core
+    runs = [
+        runs_of(core, [record], [state + d], camera)[0]
+        for d, camera in ((0.0, None), (0.0, model.camera(x)), (1e-3, None))
+    ]
+    plain, seen, other = Engine(5e-3, threads=1).run(runs)
     camera = model.camera(x)
     assert camera is not None
     assert np.allclose(seen, camera.positions(plain), rtol=0.0, atol=1e-15)

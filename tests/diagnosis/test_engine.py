@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import replace
 
 import numpy as np
 
-from bha.diagnosis.engine import Engine, Job
-from bha.diagnosis.model import plain_model
+from bha.arm.variants import arm_of
+from bha.diagnosis.engine import Engine
+from bha.diagnosis.model import is_damping, plain_model, runs_of
 from bha.diagnosis.preparation import prepare
 from bha.diagnosis.steps import resolved
-from bha.estimation.records import Record
+from bha.estimation.runs import Run
 from bha.recordings import Recording
 
 from .synthetic import make_logs, one_section
@@ -18,7 +19,7 @@ from .synthetic import make_logs, one_section
 ARM = one_section()
 
 
-def stiff_job() -> tuple[Job, Record]:
+def stiff_run() -> Run:
     """The arm with a quadratic damping that 5 ms cannot hold."""
     (log,) = make_logs(ARM, [], durations=(2.0,))
     record = prepare(Recording(ARM, log, warn=False))
@@ -26,12 +27,13 @@ def stiff_job() -> tuple[Job, Record]:
         "effect": [{"kind": "quadratic_damping", "where": "all", "parameters": {"damping": 300.0}}]
     }
     state = np.concatenate([record.measured[0], np.zeros(3)])
-    return Job(json.dumps(core), record, state), record
+    (run,) = runs_of(arm_of(core), [record], [state])
+    return run
 
 
 def test_runs_that_the_step_cannot_hold_are_repeated_with_a_finer_one() -> None:
-    stiff, record = stiff_job()
-    plain = Job(json.dumps(plain_model(ARM).core), record, stiff.state)
+    stiff = stiff_run()
+    plain = replace(stiff, arm=ARM)
     step = 0.005
     together = Engine(step, 1).run([plain, stiff])
     assert all(np.all(np.isfinite(y)) for y in together)
@@ -43,25 +45,27 @@ def test_runs_that_the_step_cannot_hold_are_repeated_with_a_finer_one() -> None:
 
 
 def test_parameters_without_a_model_give_nan_and_leave_the_others_alone() -> None:
-    stiff, record = stiff_job()
-    core = json.loads(stiff.arm)
-    core["section"][0]["mass"] = -1.0
-    found, wrong = Engine(0.0025, 1).run([stiff, Job(json.dumps(core), record, stiff.state)])
+    stiff = stiff_run()
+    model = plain_model(ARM)
+    mass = next(k for k, c in enumerate(model.plain) if c.path == "section.1.mass")
+    plain = tuple(replace(c, logarithmic=False, scale=-1.0) if k == mass else c for k, c in enumerate(model.plain))
+    (negative,) = replace(model, plain=plain).runs(np.eye(model.size)[mass], [stiff.record], [stiff.state])
+    found, wrong = Engine(0.0025, 1).run([stiff, negative])
     assert np.all(np.isfinite(found))
     assert np.all(np.isnan(wrong))
 
 
 def test_a_model_stiffer_than_the_file_asks_for_finer_steps() -> None:
-    stiff, record = stiff_job()
+    stiff = stiff_run()
+    record = stiff.record
     model, engine = plain_model(ARM), Engine(0.005, 1, coarse=0.01)
-    x = np.array([np.log(15.0) / c.spread if c.path[0] == "damping" else 0.0 for c in model.coordinates])
-    runs = [Job(model.arm(x), record, stiff.state)]
+    x = np.array([np.log(15.0) / c.scale if is_damping(c) else 0.0 for c in model.coordinates])
+    runs = model.runs(x, [record], [stiff.state])
     # Repeated until they stay finite, its runs would not show that the step is too long.
     assert np.all(np.isfinite(engine.run(runs)[0]))
     assert not np.all(np.isfinite(engine.once().run(runs)[0]))
     found = resolved(engine, [record], model, x, [stiff.state], 1.0)
     assert found.finer > 1
-    finer = [Job(model.arm(x), record, stiff.state, finer=found.finer)]
-    assert np.all(np.isfinite(engine.once().run(finer)[0]))
-    assert np.all(np.isfinite(engine.run(finer, coarse=True)[0]))
+    assert np.all(np.isfinite(engine.once().run(runs, finer=found.finer)[0]))
+    assert np.all(np.isfinite(engine.run(runs, coarse=True, finer=found.finer)[0]))
     assert resolved(engine, [record], model, np.zeros(model.size), [stiff.state], 1.0).finer == 1

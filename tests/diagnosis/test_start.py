@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import bha
-from bha import _core
 from bha.diagnosis.baseline import windows
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.noise import Whitener, noise_model
@@ -38,7 +37,7 @@ def test_heads_alone_tell_lengths_and_rates_anywhere_in_a_log() -> None:
     columns = {"t [s]": TIME} | {f"{name} [Pa]": p[:, k] for k, name in enumerate(arm.inputs)} | heads_of(run)
     record = prepare(Recording(arm, bha.Log.from_arrays(columns)))
     model = plain_model(arm)
-    core = _core.Arm(model.arm(np.zeros(model.size)))
+    core = model.arm(np.zeros(model.size))
     for row in (0, 74, 180, 320):
         found = pose(core, record.observation, run.head_positions[row].ravel(), 3)
         assert found == pytest.approx(run.lengths[row], abs=1e-8)
@@ -72,7 +71,7 @@ def test_rare_rows_make_long_pieces_and_dropouts_none() -> None:
 
 def test_heads_out_of_reach_have_no_pose() -> None:
     model = plain_model(one_section())
-    core = _core.Arm(model.arm(np.zeros(model.size)))
+    core = model.arm(np.zeros(model.size))
     assert pose(core, observation("x1", "y1", "z1"), np.array([0.0, 0.0, -0.5]), 1) is None
 
 

@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.interpolate import CubicSpline
 
-from bha import _core
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.engine import Engine
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve, weighted, with_sensitivities
-from bha.diagnosis.model import DAMPING_SPREAD, Model
+from bha.diagnosis.model import DAMPING_SPREAD, Model, is_damping, of_camera, runs_of
 from bha.diagnosis.noise import (
     QUIET_FREQUENCY,
     TOP_FREQUENCY,
@@ -105,21 +104,21 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     Raises:
         ConvergenceError: the nominal arm diverges at every step tried.
     """
-    text = model.arm(np.zeros(model.size))
-    arm = _core.Arm(text)
+    nominal = np.zeros(model.size)
+    arm = model.arm(nominal)
     sample = min(r.sample_time for r in records)
     # Rows may be thinned as long as the band that counts stays below their Nyquist frequency.
     factor = max([1, *(f for f in (2, 3, 4) if f * sample <= 0.4 / TOP_FREQUENCY)])
     thinned = tuple(thin(r, factor) for r in records)
     states = tuple(first_state(arm, r, model.sections) for r in thinned)
-    jobs = [Job(text, r, s, rows=checked_rows(r)) for r, s in zip(thinned, states, strict=True)]
+    runs = runs_of(arm, thinned, states, rows=[checked_rows(r) for r in thinned])
     noise = noise_of(records)
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
     errors: dict[Method, list[tuple[float, float]]] = {method: [] for method in METHODS}
     for step in steps:
         # The implicit method costs more a step; arms whose damping outweighs their inertia are stiff and need it.
         for method in METHODS:
-            fine, finer = engine(step, method).run(jobs), engine(step / 2.0, method).run(jobs)
+            fine, finer = engine(step, method).run(runs), engine(step / 2.0, method).run(runs)
             error = root_mean_square(fine, finer)
             if not np.isfinite(error):
                 continue
@@ -160,17 +159,17 @@ def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | No
 def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]]:
     """What draws of pressure noise do to the outputs of each log."""
     rng = np.random.default_rng([seed, 71])
-    records, jobs = problem.records, []
-    for job in problem.jobs(fit.model, fit.x, fit.states):
-        record = job.record
+    records, runs = problem.records, []
+    for run in fit.model.runs(fit.x, problem.records, fit.states):
+        record = run.record
         if not record.has_unsure_pressures:
             continue
         for _ in range(DRAWS):
             noise = record.pressure_errors(rng)
             if record.pressure_taps is not None:
                 noise = filtered(noise, record.pressure_taps)
-            jobs.append(replace(job, drive=record.driven_by(record.drive.pressures + noise)))
-    outputs = iter(problem.engine.run(jobs))
+            runs.append(replace(run, drive=record.driven_by(record.drive.pressures + noise)))
+    outputs = iter(problem.engine.run(runs, finer=fit.model.finer))
     result: list[list[Array]] = []
     for record, y in zip(records, fit.outputs, strict=True):
         draws: list[Array] = []
@@ -263,7 +262,7 @@ class Baseline:
 def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel, engine: Engine) -> tuple[Array, list[Array]]:
     """Plain parameters by multiple shooting, and guesses of the logs' initial states."""
     records, x = prepared.records, np.zeros(model.size)
-    arm = _core.Arm(model.arm(x))
+    arm = model.arm(x)
     pieces = windows(records, model.sections)
     parts = pieces or records
     begin = prepared.states if pieces is None else [first_state(arm, r, model.sections) for r in pieces]
@@ -275,7 +274,7 @@ def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel, engine: Eng
     if camera is None:
         return fit.x, list(prepared.states)
     # Heads tell another pose by another camera.
-    arm = _core.Arm(model.arm(fit.x))
+    arm = model.arm(fit.x)
     return fit.x, [first_state(arm, r.seen_by(camera), model.sections) for r in records]
 
 
@@ -288,7 +287,7 @@ def _with_file_camera(
     """
     fits = _some_steps(problem, model, *free)
     if not fits or problem.misfit(fits[0]) > CAMERA_MISFIT:
-        still = replace(model, plain=tuple(c for c in model.plain if not c.of_camera), sensors=None)
+        still = replace(model, plain=tuple(c for c in model.plain if not of_camera(c)), sensors=None)
         x, states = _pieces_fit(still, prepared, rough, problem.engine)
         fits += _some_steps(problem, model, np.concatenate([x, np.zeros(model.size - still.size)]), states)
     best = min(fits, key=lambda fit: fit.cost, default=None)
@@ -303,14 +302,14 @@ def _some_steps(problem: Problem, model: Model, x: Array, states: list[Array]) -
 
 def with_wide_damping(model: Model) -> Model:
     """The model with dampings that may plausibly be off by a factor of ten and more."""
-    weight = (DAMPING_SPREAD / STIFF_DAMPING_SPREAD) ** 2
-    plain = (replace(c, prior=weight) if c.path[0] == "damping" else c for c in model.plain)
+    wider = STIFF_DAMPING_SPREAD / DAMPING_SPREAD
+    plain = (replace(c, prior_deviation=wider * c.prior_deviation) if is_damping(c) else c for c in model.plain)
     return replace(model, plain=tuple(plain))
 
 
 def with_damping(model: Model, x: Array, factor: float) -> Array:
     """Plain coordinates ``x`` with dampings at ``factor`` times the file's."""
-    damped = (c.coordinate(factor * c.nominal) if c.path[0] == "damping" else None for c in model.plain)
+    damped = (c.coordinate(factor * c.start) if is_damping(c) else None for c in model.plain)
     return np.array([v if d is None else d for v, d in zip(x, damped, strict=True)])
 
 

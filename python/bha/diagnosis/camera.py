@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.model import Coordinate, Model
+from bha.diagnosis.model import Model, coordinate
+from bha.parameters import paths
 from bha.parameters.sensors import SensorsParameters
 
 if TYPE_CHECKING:
@@ -34,10 +35,10 @@ def with_camera(model: Model, arm: Arm) -> Model:
     spreads = sensors.uncertain
     values = {"camera_position": sensors.camera_position, "camera_rotation": sensors.camera_rotation_rad}
     free = [
-        Coordinate(f"{key} {axis}", unit, values[key][k], spreads[key], False, (key, k))
+        coordinate(f"{key} {axis}", f"sensors.{key}.{axis}", unit, values[key][k], spreads[key], logarithmic=False)
         for key, unit, _ in FREE
         if key in spreads
-        for k, axis in enumerate("xyz")
+        for k, axis in enumerate(paths.AXES)
     ]
     return model.with_plain((*model.plain, *free), sensors) if free else model
 
@@ -52,9 +53,9 @@ def moved(model: Model, uncertainty: Sequence[tuple[float, float]], x: Array) ->
     """
     texts = []
     for key, unit, least in FREE:
-        own = [(c, float(x[k]), uncertainty[k]) for k, c in enumerate(model.plain) if c.path[0] == key]
-        size = float(np.linalg.norm([c.value(v) - c.nominal for c, v, _ in own]))
-        if size < least or all(low <= c.nominal <= high for c, _, (low, high) in own):
+        own = [(c, float(x[k]), uncertainty[k]) for k, c in enumerate(model.plain) if paths.key_of(c.path) == key]
+        size = float(np.linalg.norm([c.value(v) - c.start for c, v, _ in own]))
+        if size < least or all(low <= c.start <= high for c, _, (low, high) in own):
             continue
         how = f"stands {1e3 * size:.3g} mm beside" if unit == "m" else f"is turned by {np.degrees(size):.2g} deg from"
         values = ", ".join(f"{c.value(v):.4g}" for c, v, _ in own)

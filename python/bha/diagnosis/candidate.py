@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from bha.diagnosis.model import Coordinate, EffectTerm
+from bha.diagnosis.model import EffectTerm, coordinate, number_of
 from bha.diagnosis.plan import KindPlan, Numbers
+from bha.estimation.free import Coordinate
 from bha.parameters import EFFECT_KINDS
 
 #: Unit, least and greatest value of a number of a kind.
@@ -53,36 +54,42 @@ class Candidate:
             expected = begin.get(strength.name, strengths[number] if number < len(strengths) else 0.0)
             spread = max(0.2 * strength.typical, abs(expected)) if math.isfinite(expected) else strength.typical
             low = low if strength.signed else max(low, 0.0)
-            coordinate = Coordinate(
-                f"{where}: {strength.name}", unit, 0.0, spread, False, (where, strength.name), low, high, prior=0.0
+            own = coordinate(
+                f"{where}: {strength.name}",
+                f"effect.{strength.name}",
+                unit,
+                0.0,
+                spread,
+                logarithmic=False,
+                low=low,
+                high=high,
+                weight=0.0,
             )
-            coordinates.append(coordinate)
-            start.append(coordinate.coordinate(begin.get(strength.name, 0.0)))
+            coordinates.append(own)
+            start.append(own.coordinate(begin.get(strength.name, 0.0)))
         for shape in (*self.plan.shapes, *self.plan.extra):
             unit, low, high = ranges(self.kind, shape.name)
             nominal = float(self.shape.get(shape.name, shape.grid[0]))
             low, high = max(low, shape.low, 1e-9 if shape.logarithmic else -math.inf), min(high, shape.high)
-            coordinate = Coordinate(
+            own = coordinate(
                 f"{where}: {shape.name}",
+                f"effect.{shape.name}",
                 unit,
                 nominal,
                 shape.spread,
-                shape.logarithmic,
-                (where, shape.name),
-                low,
-                high,
-                prior=0.05,
+                logarithmic=shape.logarithmic,
+                low=low,
+                high=high,
+                weight=0.05,
             )
-            coordinates.append(coordinate)
-            start.append(coordinate.coordinate(begin.get(shape.name, nominal)))
+            coordinates.append(own)
+            start.append(own.coordinate(begin.get(shape.name, nominal)))
         fixed = dict(self.plan.fixed)
         anew = list(start)
         if self.plan.grid and self.plan.begin is not None:
             # As probed: both ways of a lag alike.
             probed = self.plan.begin([1.0] * len(self.plan.probed(self.shape)), self.shape)
-            anew = [
-                c.coordinate(probed.get(str(c.path[-1]), c.value(v))) for c, v in zip(coordinates, start, strict=True)
-            ]
+            anew = [c.coordinate(probed.get(number_of(c), c.value(v))) for c, v in zip(coordinates, start, strict=True)]
         term = EffectTerm(self.kind, self.where, tuple(coordinates), fixed, self.plan.numbers, tuple(anew))
         return term, start
 

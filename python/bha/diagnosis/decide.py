@@ -93,7 +93,7 @@ def gap_test(
     held = holdout.problem
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
-    weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
+    weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
     projected = project_states(problem, fit.state_jacobians, fit.jacobian)
     covariance = np.linalg.inv(projected.T @ projected + np.diag(weights))
     here = evaluate(held, fit.model, fit.x, prediction.states)

@@ -17,7 +17,7 @@ from bha.diagnosis.decide import Decision, GapTest
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.holdout import Holdout
 from bha.diagnosis.intervals import confidences, coordinate_draws
-from bha.diagnosis.model import EffectTerm
+from bha.diagnosis.model import EffectTerm, number_of
 from bha.diagnosis.places import nested
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
@@ -85,7 +85,7 @@ def describe(
             unit=c.unit,
             ci95=uncertainty[k],
             at_bound=c.at_bound(float(v)),
-            start=c.nominal if np.isfinite(c.nominal) else None,
+            start=c.start if np.isfinite(c.start) else None,
         )
         for k, (c, v) in enumerate(zip(final.fit.model.plain, final.fit.x, strict=False))
     }
@@ -197,7 +197,7 @@ def _effects(
             interval
             for e in elements
             for c, interval in zip(e.term.coordinates, uncertainty[e.place], strict=True)
-            if str(c.path[-1]) in candidate.plan.passive
+            if number_of(c) in candidate.plan.passive
         ]
         empirical = any(e.term.on_bound(e.x) for e in elements) or any(high < 0.0 for _, high in spans)
         rivals = _rivals(state, chosen, number, problem, correlation)

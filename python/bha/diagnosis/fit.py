@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.engine import Engine
 from bha.diagnosis.model import Model
 from bha.diagnosis.noise import Whitener
 from bha.diagnosis.steps import COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, allowed, far_apart
 from bha.errors import ConvergenceError
 from bha.estimation.records import Record
+from bha.estimation.runs import Run
 
 Array = NDArray[np.float64]
 
@@ -67,12 +68,7 @@ class Problem:
 
     def simulate(self, model: Model, x: Array, states: Sequence[Array]) -> list[Array]:
         """Outputs of every log."""
-        return self.engine.run(self.jobs(model, x, states))
-
-    def jobs(self, model: Model, x: Array, states: Sequence[Array], arm: str | None = None) -> list[Job]:
-        """A run of ``model`` at ``x`` on every log, or of another ``arm`` seen by its camera with steps as it needs."""
-        text, camera = arm or model.arm(x), model.camera(x)
-        return [Job(text, r, s, finer=model.finer, camera=camera) for r, s in zip(self.records, states, strict=True)]
+        return self.engine.run(model.runs(x, self.records, states), finer=model.finer)
 
     def residual(self, outputs: Sequence[Array]) -> Array:
         """White residual of all logs, measured less simulated, one vector; NaN if a run diverged."""
@@ -134,7 +130,7 @@ class Fit:
 
 def prior_cost(model: Model, x: Array) -> float:
     """Squares of the coordinates that have a prior."""
-    weights = np.array([c.prior for c in model.coordinates])
+    weights = np.array([c.prior_weight for c in model.coordinates])
     return float(weights @ x**2) if len(x) else 0.0
 
 
@@ -169,7 +165,7 @@ def weighted(fit: Fit, rows: int) -> Fit:
 
 def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
     """White sensitivities by the coordinates ``which``, shape (rows, len(which)), by forward differences."""
-    jobs: list[Job] = []
+    runs: list[Run] = []
     steps = []
     for k in which:
         x = fit.x.copy()
@@ -179,8 +175,8 @@ def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
             step = -DIFFERENCE
         x[k] += step
         steps.append(step)
-        jobs += problem.jobs(fit.model, x, fit.states)
-    base, outputs = with_base(problem, fit, jobs)
+        runs += fit.model.runs(x, problem.records, fit.states)
+    base, outputs = with_base(problem, fit, runs)
     count = len(problem.records)
     result = np.empty((problem.rows, len(which)))
     for column, step in enumerate(steps):
@@ -190,18 +186,18 @@ def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
     return np.nan_to_num(result)
 
 
-def with_base(problem: Problem, fit: Fit, jobs: Sequence[Job]) -> tuple[list[Array], list[Array]]:
-    """Outputs of the fit and of ``jobs``, all at one step: their differences are what is wanted.
+def with_base(problem: Problem, fit: Fit, runs: Sequence[Run]) -> tuple[list[Array], list[Array]]:
+    """Outputs of the fit and of ``runs``, all at one step: their differences are what is wanted.
 
     The coarse step serves where it makes of the fit itself what the fine one does: beyond its limit stiction chatters,
     and differences of chatter are no sensitivities.
     """
-    first = problem.jobs(fit.model, fit.x, fit.states)
+    first, finer = fit.model.runs(fit.x, problem.records, fit.states), fit.model.finer
     count = len(first)
-    outputs = problem.engine.run([*first, *jobs], coarse=True)
+    outputs = problem.engine.run([*first, *runs], coarse=True, finer=finer)
     share = allowed(COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, problem.misfit(fit))
     if far_apart(problem.records, outputs[:count], fit.outputs, share):
-        outputs = problem.engine.run([*first, *jobs])
+        outputs = problem.engine.run([*first, *runs], finer=finer)
     return outputs[:count], outputs[count:]
 
 
@@ -209,15 +205,15 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
     """White sensitivities of each log by its own initial state."""
     n = len(fit.states[0]) // 2
     units = state_units(n)
-    arm, camera = fit.model.arm(fit.x), fit.model.camera(fit.x)
-    jobs = []
-    for record, state in zip(problem.records, fit.states, strict=True):
-        rows = int(np.searchsorted(record.time, record.time[0] + MEMORY)) + 1
+    runs = []
+    for run in fit.model.runs(fit.x, problem.records, fit.states):
+        time = run.record.time
+        rows = min(int(np.searchsorted(time, time[0] + MEMORY)) + 1, len(time))
         for k in range(2 * n):
-            changed = state.copy()
+            changed = run.state.copy()
             changed[k] += 0.1 * units[k]
-            jobs.append(Job(arm, record, changed, rows=rows, finer=fit.model.finer, camera=camera))
-    base, outputs = with_base(problem, fit, jobs)
+            runs.append(replace(run, state=changed, last=rows))
+    base, outputs = with_base(problem, fit, runs)
     result = []
     for i, (record, white) in enumerate(zip(problem.records, problem.whiteners, strict=True)):
         table = np.zeros((2 * n, len(record.rows), len(record.channels)))
@@ -244,7 +240,7 @@ def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[
     """Levenberg-Marquardt step of the coordinates and of the states."""
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
-    weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
+    weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
     misfit = max(1.0, fit.squares / problem.rows)
     projected = project_states(problem, fit.state_jacobians, np.column_stack([fit.jacobian, fit.residual]), misfit)
     reduced, rest = projected[:, :-1], projected[:, -1]

@@ -33,7 +33,7 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int) -> Array:
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
     jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
-    weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
+    weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
     normal = jacobian.T @ jacobian + np.diag(weights)
     normal += 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal))
     scores: list[Array] = []

@@ -16,13 +16,20 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bha import _core
 from bha.arm.geometry import CameraFrame, camera_frame
-from bha.parameters import Place
+from bha.arm.variants import Variants, with_effects
+from bha.errors import BhaError
+from bha.estimation.free import Coordinate
+from bha.estimation.records import Record
+from bha.estimation.runs import Run
+from bha.parameters import Place, paths
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -50,60 +57,48 @@ STIFFNESS_PLACES = (0.05, 0.35, 0.65, 0.95)
 LEAST_STIFFNESS = 0.05
 
 
-@dataclass(frozen=True)
-class Coordinate:
-    """One number of the model.
+def coordinate(
+    name: str,
+    path: str,
+    unit: str,
+    nominal: float,
+    spread: float,
+    *,
+    logarithmic: bool,
+    low: float = -math.inf,
+    high: float = math.inf,
+    weight: float = 1.0,
+) -> Coordinate:
+    """A number that counts in the distances it plausibly has from its nominal value.
 
-    Attributes:
+    Args:
         name: ``section 1 mass``, ``creep at bellows 32: tau``.
+        path: where it stands in the core's description, or the name of an effect's number.
         unit: its unit.
         nominal: its value at x = 0.
         spread: one standard deviation of the prior, absolute, or of the logarithm.
         logarithmic: whether the value is ``nominal exp(spread x)``, else ``nominal + spread x``.
         low: least value.
         high: greatest value.
-        path: where it stands in the core's description: section index and key, or effect index and key.
-        prior: weight of the prior, 0 for none.
+        weight: of the prior, 0 for none.
     """
+    deviation = (nominal if logarithmic else 1.0) * spread * (weight**-0.5 if weight else math.inf)
+    return Coordinate(name, path, unit, nominal, spread, logarithmic, low, high, nominal, deviation)
 
-    name: str
-    unit: str
-    nominal: float
-    spread: float
-    logarithmic: bool
-    path: tuple[str | int, ...]
-    low: float = -math.inf
-    high: float = math.inf
-    prior: float = 1.0
 
-    @property
-    def of_camera(self) -> bool:
-        """Whether it says how heads are seen, not how they move."""
-        return str(self.path[0]).startswith("camera_")
+def of_camera(coordinate: Coordinate) -> bool:
+    """Whether a coordinate says how heads are seen, not how they move."""
+    return paths.is_of_sensors(coordinate.path)
 
-    def value(self, x: float) -> float:
-        """The value at coordinate ``x``."""
-        raw = (
-            self.nominal * math.exp(min(self.spread * x, 50.0)) if self.logarithmic else self.nominal + self.spread * x
-        )
-        return min(max(raw, self.low), self.high)
 
-    def coordinate(self, value: float) -> float:
-        """The coordinate of ``value``."""
-        value = min(max(value, self.low), self.high)
-        if self.logarithmic:
-            return math.log(max(value, 1e-300) / self.nominal) / self.spread
-        return (value - self.nominal) / self.spread
+def is_damping(coordinate: Coordinate) -> bool:
+    """Whether a plain coordinate is a damping."""
+    return paths.key_of(coordinate.path) == "damping"
 
-    def slope(self, x: float) -> float:
-        """Change of the value with the coordinate."""
-        return self.spread * self.value(x) if self.logarithmic else self.spread
 
-    def at_bound(self, x: float) -> bool:
-        """Whether the value sits on a bound."""
-        value = self.value(x)
-        size = 1e-6 * max(abs(value), self.spread if not self.logarithmic else 0.0)
-        return value <= self.low + size or value >= self.high - size
+def number_of(coordinate: Coordinate) -> str:
+    """The name of an effect's number that a coordinate is of."""
+    return coordinate.path.rpartition(".")[2]
 
 
 @dataclass(frozen=True)
@@ -132,14 +127,18 @@ class EffectTerm:
         """``creep at bellows 32``."""
         return f"{self.kind} at {self.where}"
 
+    def table(self, numbers: Mapping[str, float]) -> dict[str, Any]:
+        """The effect in the core's description."""
+        return {"kind": self.kind, "where": self.where, "parameters": dict(numbers)}
+
     def parameters(self, x: Sequence[float]) -> dict[str, float]:
         """Numbers by name at the coordinates ``x``."""
-        values = {str(c.path[-1]): c.value(v) for c, v in zip(self.coordinates, x, strict=True)}
+        values = {number_of(c): c.value(v) for c, v in zip(self.coordinates, x, strict=True)}
         return self.numbers({**self.fixed, **values})
 
     def on_bound(self, x: Array) -> set[str]:
         """Names of the numbers that sit on a bound at the coordinates ``x``."""
-        return {str(c.path[-1]) for c, v in zip(self.coordinates, x, strict=True) if c.at_bound(float(v))}
+        return {number_of(c) for c, v in zip(self.coordinates, x, strict=True) if c.at_bound(float(v))}
 
 
 @dataclass(frozen=True)
@@ -149,6 +148,7 @@ class Model:
     Attributes:
         core: the core's description of the arm at its nominal values, without the effects of this model.
         plain: the plain coordinates.
+        arms: the arms without the effects, by values of those plain coordinates that are not the camera's.
         effects: the effects.
         finer: the step of the integration, which was chosen for the plain arm, is divided by this.
         sensors: the file's, where coordinates of the camera are among the plain ones (:mod:`bha.diagnosis.camera`).
@@ -156,6 +156,7 @@ class Model:
 
     core: Core
     plain: tuple[Coordinate, ...]
+    arms: Variants = field(compare=False)
     effects: tuple[EffectTerm, ...] = ()
     finer: int = 1
     sensors: SensorsParameters | None = None
@@ -191,10 +192,21 @@ class Model:
             "camera_position": list(self.sensors.camera_position),
             "camera_rotation": list(self.sensors.camera_rotation_rad),
         }
-        for coordinate, value in zip(self.plain, x, strict=False):
-            if str(coordinate.path[0]) in vectors:
-                vectors[str(coordinate.path[0])][int(coordinate.path[1])] = coordinate.value(float(value))
+        for own, value in zip(self.plain, x, strict=False):
+            if of_camera(own):
+                _, key, axis = own.path.split(".")
+                vectors[key][paths.AXES.index(axis)] = own.value(float(value))
         return self.sensors.with_camera(vectors["camera_position"], vectors["camera_rotation"])
+
+    def runs(
+        self, x: Array, records: Sequence[Record], states: Sequence[Array], rows: Sequence[int] | None = None
+    ) -> list[Run]:
+        """A run at ``x`` on each record, over all its rows or so many; without an arm where none has the numbers."""
+        try:
+            arm = self.arm(x)
+        except BhaError:
+            arm = None
+        return runs_of(arm, records, states, self.camera(x), rows)
 
     def camera(self, x: Array) -> CameraFrame | None:
         """The frame in which heads are seen at ``x``; None for that of the file."""
@@ -212,40 +224,67 @@ class Model:
 
     def description(self, x: Array) -> Core:
         """The core's description at ``x``."""
-        core = copy.deepcopy(self.core)
         plain, parts = self.split(x)
-        for coordinate, value in zip(self.plain, plain, strict=True):
-            if not coordinate.of_camera:
-                set_plain(core, coordinate.path, coordinate.value(float(value)))
-        effects = [
-            {"kind": e.kind, "where": e.where, "parameters": e.parameters([float(v) for v in part])}
-            for e, part in zip(self.effects, parts, strict=True)
-        ]
-        return with_effect_tables(core, effects)
+        moving = [(c, c.value(float(v))) for c, v in zip(self.plain, plain, strict=True) if not of_camera(c)]
+        core = described(self.core, [c for c, _ in moving], [value for _, value in moving])
+        effects = [e.table(numbers) for e, numbers in zip(self.effects, self._numbers(parts), strict=True)]
+        return dict(with_effects(core, effects))
 
-    def arm(self, x: Array) -> str:
-        """The same as text, what the core builds an arm from."""
-        return json.dumps(self.description(x), allow_nan=False)
+    def arm(self, x: Array) -> _core.Arm:
+        """The arm at ``x``; the same object for the same numbers.
+
+        Raises:
+            ParameterError: no arm has them.
+        """
+        plain, parts = self.split(x)
+        values = [c.value(float(v)) for c, v in zip(self.plain, plain, strict=True) if not of_camera(c)]
+        return self._variants.arm(np.array(values), self._numbers(parts))
+
+    @cached_property
+    def _variants(self) -> Variants:
+        numbers = self._numbers([np.zeros(len(e.coordinates)) for e in self.effects])
+        return self.arms.beside([e.table(own) for e, own in zip(self.effects, numbers, strict=True)])
+
+    def _numbers(self, parts: Sequence[Array]) -> list[dict[str, float]]:
+        """Numbers by name of each effect."""
+        return [e.parameters([float(v) for v in part]) for e, part in zip(self.effects, parts, strict=True)]
 
     def values(self, x: Array) -> dict[str, float]:
         """All values by name."""
         return {c.name: c.value(float(v)) for c, v in zip(self.coordinates, x, strict=True)}
 
 
-def with_effect_tables(core: Core, effects: Sequence[Mapping[str, Any]]) -> Core:
-    """``core`` with effects added to those it has."""
-    return {**core, "effect": [*core.get("effect", []), *map(dict, effects)]} if effects else core
+def runs_of(
+    arm: _core.Arm | None,
+    records: Sequence[Record],
+    states: Sequence[Array],
+    camera: CameraFrame | None = None,
+    rows: Sequence[int] | None = None,
+) -> list[Run]:
+    """A run of an arm on each record, its heads seen in a frame (the record's for None), over so many rows or all."""
+    last = [None] * len(records) if rows is None else rows
+    pairs = zip(records, states, last, strict=True)
+    return [Run(arm, r.observation.seen_by(camera), r, state, last=end) for r, state, end in pairs]
 
 
-def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
-    """Write one plain number into the core's description.
+def described(core: Core, coordinates: Sequence[Coordinate], values: Sequence[float] | Array) -> Core:
+    """``core`` with values of plain coordinates."""
+    changed = copy.deepcopy(core)
+    for own, value in zip(coordinates, values, strict=True):
+        number = int(own.path.split(".")[1]) - 1
+        set_plain(changed["section"][number], own.path, float(value), core["section"][number])
+    return changed
 
-    ``("mass", i)`` moves the inertia along, since (56) is proportional to the mass. ``("rest_length", i, k)`` is that
-    of one bellows. ``("tangent_stiffness", i, place)`` (see :func:`set_tangent_stiffness`), ``("damping", i)``,
-    ``("rest_length", i)`` and ``("terminal_area", i)`` act on all bellows of the section, whose differences stay in
-    proportion.
+
+def set_plain(section: Core, path: str, value: float, nominal: Core) -> None:
+    """Write one plain number of a section into the core's description.
+
+    ``section.1.mass`` moves the inertia along, since (56) is proportional to the mass; ``section.1.inertia.*`` is a
+    factor. ``section.1.bellows.2.rest_length`` is that of one bellows. ``section.1.tangent_stiffness.3`` (at the third
+    of :func:`stiffness_elongations` of the ``nominal`` section), ``section.1.damping``, ``section.1.rest_length`` and
+    ``section.1.terminal_area`` act on all bellows of the section, whose differences stay in proportion.
     """
-    key, section = str(path[0]), core["section"][int(path[1])]
+    _, _, key, *rest = path.split(".")
     if key == "mass":
         factor = value / section["mass"]
         section["mass"] = value
@@ -258,18 +297,20 @@ def set_plain(core: Core, path: tuple[str | int, ...], value: float) -> None:
         section["center_of_mass"] = [*section["center_of_mass"][:2], value]
     elif key == "bending_stiffness":
         section["bending_stiffness"] = [value, *section["bending_stiffness"][1:]]
-    elif key == "rest_length" and len(path) > 2:
-        section["bellows"][int(path[2])][key] = value
+    elif key == "bellows":
+        section["bellows"][int(rest[0]) - 1][rest[1]] = value
     elif key == "tangent_stiffness":
-        set_tangent_stiffness(section, path[2], value)
+        set_tangent_stiffness(section, stiffness_elongations(nominal), int(rest[0]) - 1, value)
     else:
         old = section["bellows"][0][key]
         for bellows in section["bellows"]:
             bellows[key] = bellows[key] * value / old if old else value
 
 
-def stiffness_elongations(low: float, high: float, rest: float) -> tuple[float, ...]:
-    """Elongations at which the tangent stiffness is identified, m, for a range of lengths and a nominal rest length."""
+def stiffness_elongations(section: Core) -> tuple[float, ...]:
+    """Elongations at which the tangent stiffness is identified, m: places in a section's range from its rest length."""
+    low, high = section["length_range"]
+    rest = section["bellows"][0]["rest_length"]
     return tuple(low + share * (high - low) - rest for share in STIFFNESS_PLACES)
 
 
@@ -278,14 +319,10 @@ def tangent_stiffness(stiffness: Sequence[float], elongation: float) -> float:
     return sum((m + 1) * k * elongation**m for m, k in enumerate(stiffness))
 
 
-def set_tangent_stiffness(section: Core, place: str | int, value: float) -> None:
-    """Change the springs of a section: tangent stiffness ``value`` at one elongation, and as it was at the others.
-
-    ``place`` names the elongations and which of them it is: ``"k x0 x1 ..."``.
-    """
-    number, *elongations = str(place).split()
-    at = [float(x) for x in elongations]
-    own = at.pop(int(number))
+def set_tangent_stiffness(section: Core, elongations: Sequence[float], place: int, value: float) -> None:
+    """Change the springs of a section: tangent stiffness ``value`` at one elongation, and as it was at the others."""
+    at = list(elongations)
+    own = at.pop(place)
     # Lagrange's polynomial: one at its own elongation, zero at the others.
     shape = np.array([1.0])
     for other in at:
@@ -306,51 +343,53 @@ def plain_model(arm: Arm) -> Model:
     coordinates: list[Coordinate] = []
     for i, section in enumerate(core["section"]):
         coordinates += _plain_of_section(arm, i, section)
-    return Model(core, tuple(coordinates))
+
+    def describe(values: Array) -> Core:
+        return described(core, coordinates, values)
+
+    arms = Variants(describe, [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates])
+    return Model(core, tuple(coordinates), arms)
 
 
 def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     bellows = section["bellows"][0]
-    place = Place.of_section(i + 1)
+    place, path = Place.of_section(i + 1), f"section.{i + 1}"
     rest, stiffness = float(bellows["rest_length"]), [float(k) for k in bellows["stiffness"]]
-    low, high = section["length_range"]
 
-    def scaled(key: str, unit: str, nominal: float, spread: float, *more: str | int) -> Coordinate:
-        return Coordinate(f"{place} {key}", unit, nominal, spread, True, (key, i, *more))
+    def scaled(key: str, unit: str, nominal: float, spread: float) -> Coordinate:
+        return coordinate(f"{place} {key}", f"{path}.{key}", unit, nominal, spread, logarithmic=True)
 
     found = [
         scaled("mass", "kg", float(section["mass"]), MASS_SPREAD),
-        Coordinate(f"{place} inertia factor", "1", 1.0, INERTIA_SPREAD, True, ("inertia", i)),
-        Coordinate(
+        coordinate(f"{place} inertia factor", f"{path}.inertia.*", "1", 1.0, INERTIA_SPREAD, logarithmic=True),
+        coordinate(
             f"{place} center_of_mass z",
+            f"{path}.center_of_mass.z",
             "m",
             float(section["center_of_mass"][2]),
             CENTER_SPREAD * rest,
-            False,
-            ("center_of_mass", i),
+            logarithmic=False,
         ),
         *_rest_lengths(arm, i, section),
         scaled("damping", "N s/m", max(float(bellows["damping"]), 1e-3), DAMPING_SPREAD),
     ]
     first = stiffness[0] if stiffness[0] > 0.0 else 1.0
-    elongations = stiffness_elongations(low, high, rest)
-    listed = " ".join(repr(x) for x in elongations)
-    for number, elongation in enumerate(elongations):
+    for number, elongation in enumerate(stiffness_elongations(section), start=1):
         nominal = max(tangent_stiffness(stiffness, elongation), LEAST_STIFFNESS * first)
         name = f"{place} tangent stiffness at {1e3 * elongation:+.0f} mm"
-        path = ("tangent_stiffness", i, f"{number} {listed}")
-        found.append(Coordinate(name, "N/m", nominal, STIFFNESS_SPREAD, True, path))
+        own = f"{path}.tangent_stiffness.{number}"
+        found.append(coordinate(name, own, "N/m", nominal, STIFFNESS_SPREAD, logarithmic=True))
     bending = float(section["bending_stiffness"][0])
     # Where the file has none, a tenth of what the bellows' springs make of a bend.
     size = bending if bending > 0.0 else 0.15 * first * float(section["bellows_radius"]) ** 2
     found.append(
-        Coordinate(
+        coordinate(
             f"{place} bending_stiffness",
+            f"{path}.bending_stiffness.1",
             "N m",
             bending,
             BENDING_SPREAD * size,
-            False,
-            ("bending_stiffness", i),
+            logarithmic=False,
             low=0.0,
         )
     )
@@ -364,12 +403,21 @@ def _rest_lengths(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     """One for all bellows of the section, or one each where the file states one for each."""
     stated = arm.parameters.sections[i].bellows
     lengths = [float(b["rest_length"]) for b in section["bellows"]]
-    chosen: list[tuple[Place, tuple[str | int, ...], float]] = [
-        (Place.of_section(i + 1), ("rest_length", i), lengths[0])
-    ]
+    chosen = [(Place.of_section(i + 1), f"section.{i + 1}", lengths[0])]
     if stated is not None and all(bellows.rest_length is not None for bellows in stated):
-        chosen = [(Place.of_bellows(i + 1, k + 1), ("rest_length", i, k), rest) for k, rest in enumerate(lengths)]
+        chosen = [
+            (Place.of_bellows(i + 1, k), f"section.{i + 1}.bellows.{k}", rest)
+            for k, rest in enumerate(lengths, start=1)
+        ]
     return [
-        Coordinate(f"{place} rest_length", "m", rest, REST_SPREAD * rest, False, path, low=0.01 * rest)
+        coordinate(
+            f"{place} rest_length",
+            f"{path}.rest_length",
+            "m",
+            rest,
+            REST_SPREAD * rest,
+            logarithmic=False,
+            low=0.01 * rest,
+        )
         for place, path, rest in chosen
     ]

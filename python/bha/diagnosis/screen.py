@@ -11,23 +11,24 @@ bring.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha import _core, names
+from bha.arm.variants import arm_of, with_effects
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.candidate import Candidate
-from bha.diagnosis.engine import Job
 from bha.diagnosis.fit import Fit, Problem, project_states
-from bha.diagnosis.model import Core, with_effect_tables
+from bha.diagnosis.model import Core, runs_of
 from bha.diagnosis.places import members, place_of, places
 from bha.diagnosis.plan import KindPlan
 from bha.diagnosis.shortcuts import ON_LENGTHS, ON_PRESSURES, PressureProbe, acting_pressures, length_change
+from bha.errors import BhaError
+from bha.estimation.runs import Run
 from bha.parameters import Place
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ class Complement:
         assert fit.state_jacobians is not None
         self._problem, self._states = problem, fit.state_jacobians
         self._jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
-        weights = fit.trust * np.array([c.prior for c in fit.model.coordinates])
+        weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
         normal = self._jacobian.T @ self._jacobian
         scale = 1e-10 * np.trace(normal) / max(len(normal), 1)
         self._normal = normal + np.diag(weights + scale)
@@ -120,16 +121,16 @@ def probe(
     if known is not None:
         return Signatures(tuple(candidates), tuple(columns), np.asarray(known["table"], dtype=np.float32))
     table = np.zeros((problem.rows, len(changes)), dtype=np.float32)
-    text = json.dumps(core)
-    plain = problem.jobs(fit.model, fit.x, fit.states, text)
+    plain, finer = fit.model.runs(fit.x, problem.records, fit.states), fit.model.finer
     count = len(plain)
     # A plain model that makes up for a lag is damped more than the file's, too stiff for a long step.
-    coarse = all(np.all(np.isfinite(y)) for y in problem.engine.run(plain, coarse=True))
+    coarse = all(np.all(np.isfinite(y)) for y in problem.engine.run(plain, coarse=True, finer=finer))
     for first in range(0, len(changes), BATCH):
         tell(first / len(changes))
         batch = changes[first : first + BATCH]
         run = [k for k, (effect, _) in enumerate(batch) if effect["kind"] not in ON_LENGTHS]
-        outputs = problem.engine.run([*plain, *_jobs(problem, fit, core, [batch[k][0] for k in run])], coarse=coarse)
+        probed = _runs(problem, fit, core, [batch[k][0] for k in run])
+        outputs = problem.engine.run([*plain, *probed], coarse=coarse, finer=finer)
         base, outputs = outputs[:count], outputs[count:]
         for k, (effect, size) in enumerate(batch):
             if k in run:
@@ -150,9 +151,9 @@ def probe(
     return Signatures(tuple(candidates), tuple(columns), table)
 
 
-def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, Any]]) -> list[Job]:
+def _runs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, Any]]) -> list[Run]:
     """Runs of the probes on every log, probe by probe; pressures that act are computed beforehand."""
-    plain, camera = json.dumps(core), fit.model.camera(fit.x)
+    plain, camera = fit.model.runs(fit.x, problem.records, fit.states), fit.model.camera(fit.x)
     place = {str(Place.of_input(name)): j for j, name in enumerate(core["inputs"])}
     pressures = [
         PressureProbe(e["kind"], tuple(place[m] for m in members(e["where"], "input", core)), e["parameters"])
@@ -160,15 +161,21 @@ def _jobs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, An
         if e["kind"] in ON_PRESSURES
     ]
     acting = [iter(acting_pressures(r, pressures, float(core["ambient_pressure"]))) for r in problem.records]
-    jobs = []
+    runs = []
     for effect in effects:
         if effect["kind"] in ON_PRESSURES:
-            runs = zip(problem.records, fit.states, acting, strict=True)
-            jobs += [Job(plain, r, s, r.driven_by(next(p)), camera=camera) for r, s, p in runs]
+            runs += [replace(run, drive=run.record.driven_by(next(p))) for run, p in zip(plain, acting, strict=True)]
         else:
-            text = json.dumps(with_effect_tables(core, [effect]))
-            jobs += problem.jobs(fit.model, fit.x, fit.states, text)
-    return jobs
+            runs += runs_of(_probed(core, effect), problem.records, fit.states, camera)
+    return runs
+
+
+def _probed(core: Core, effect: dict[str, Any]) -> _core.Arm | None:
+    """The arm with an effect beside what it has; None where there is none."""
+    try:
+        return arm_of(with_effects(core, [effect]))
+    except BhaError:
+        return None
 
 
 def shapes_at(plan: KindPlan, where: str, fit: Fit, problem: Problem) -> list[dict[str, float]]:
@@ -187,7 +194,7 @@ def shapes_at(plan: KindPlan, where: str, fit: Fit, problem: Problem) -> list[di
 
 def head_path(fit: Fit, problem: Problem, section: int) -> Array:
     """Positions of a head under the fit, every tenth row, shape (rows, 3)."""
-    arm, camera = _core.Arm(fit.model.arm(fit.x)), fit.model.camera(fit.x)
+    arm, camera = fit.model.arm(fit.x), fit.model.camera(fit.x)
     names_of_heads = names.position_names(section + 1)
     parts = []
     for record, outputs in zip(problem.records, fit.outputs, strict=True):

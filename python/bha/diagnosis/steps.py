@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.engine import Engine
 from bha.diagnosis.model import Model
 from bha.estimation.records import Record
 
@@ -62,13 +62,12 @@ def resolved(
     engine: Engine, records: Sequence[Record], model: Model, x: Array, states: Sequence[Array], misfit: float
 ) -> Model:
     """``model`` with the coarsest step that its effects at ``x`` allow; ``misfit`` as for :func:`allowed`."""
-    text, camera, engine = model.arm(x), model.camera(x), engine.once()
+    engine = engine.once()
     share = allowed(CANDIDATE_ERROR_SHARE, MISFIT_SHARE, misfit)
-    rows = [checked_rows(r) for r in records]
+    runs = model.runs(x, records, states, [checked_rows(r) for r in records])
 
     def outputs(finer: int) -> list[Array]:
-        runs = zip(records, states, rows, strict=True)
-        return engine.run([Job(text, r, s, rows=n, finer=finer, camera=camera) for r, s, n in runs])
+        return engine.run(runs, finer=finer)
 
     found = {1: outputs(1)}
     for finer in DIVISORS[:-1]:

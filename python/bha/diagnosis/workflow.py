@@ -26,7 +26,7 @@ from bha.diagnosis.camera import with_camera
 from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import Thresholds, decide, gap_test, tolerant, without_faults
 from bha.diagnosis.describe import describe
-from bha.diagnosis.engine import Engine, Job
+from bha.diagnosis.engine import Engine
 from bha.diagnosis.fit import Problem, evaluate, with_sensitivities
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction
 from bha.diagnosis.intervals import intervals
@@ -249,12 +249,10 @@ def _measured(records: Sequence[Record], arm: Arm) -> tuple[bool, bool]:
 
 
 def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], engine: Engine) -> Holdout:
-    from bha import _core  # noqa: PLC0415
-
     factor = max(1, round(prepared.records[0].sample_time / min(r.sample_time for r in held)))
     records = tuple(thin(r, factor) for r in held)
     model, x = baseline.fit.model, baseline.fit.x
-    arm, camera = _core.Arm(model.arm(x)), model.camera(x)
+    arm, camera = model.arm(x), model.camera(x)
     states = [first_state(arm, r.seen_by(camera), model.sections) for r in records]
     return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states)
 
@@ -285,9 +283,7 @@ def _held_out_noise(baseline: Baseline, holdout: Holdout, prediction: Prediction
 def open_loop_error(records: Sequence[Record], engine: Engine, trial: Trial, until: Sequence[float]) -> float:
     """Open-loop RMS error on the rows of the held-out logs before ``until``, m; from the trial's initial states."""
     model, x = trial.fit.model, trial.fit.x
-    arm, camera = model.arm(x), model.camera(x)
-    runs = zip(records, trial.prediction.states, strict=True)
-    outputs = engine.run([Job(arm, r, s, finer=model.finer, camera=camera) for r, s in runs])
+    outputs = engine.run(model.runs(x, records, trial.prediction.states), finer=model.finer)
     squares, count = 0.0, 0
     for record, y, end in zip(records, outputs, until, strict=True):
         error = (record.measured - y)[record.usable & (record.time < end)[:, None]]

@@ -12,6 +12,7 @@ from bha._core import __version__
 from bha.diagnosis.model import Model
 from bha.diagnosis.result import Made, NextExperiment, SourceFile
 from bha.errors import FileError, InputError, way_out
+from bha.parameters import paths
 from bha.support.files import check_target
 
 if TYPE_CHECKING:
@@ -126,9 +127,9 @@ def _write_plain(
 ) -> None:
     # What the model computes with at x says every derived value (inertia) too.
     core = model.with_effects([]).description(x[: len(model.plain)])
-    intervals = {c.path: (c, outcome.uncertainty[k]) for k, c in enumerate(model.plain)}
+    intervals = {c.path: outcome.uncertainty[k] for k, c in enumerate(model.plain)}
     for i, (table, section, before) in enumerate(
-        zip(mapping["section"], core["section"], model.core["section"], strict=True)
+        zip(mapping["section"], core["section"], model.core["section"], strict=True), start=1
     ):
         first, first_before = section["bellows"][0], before["bellows"][0]
         table["mass"] = section["mass"]
@@ -147,8 +148,8 @@ def _write_plain(
                     bellows[key] = now[key]
         provenance = dict(table.get("provenance", {}))
         for key in ("mass", "rest_length", "damping", "terminal_area"):
-            if (key, i) in intervals:
-                provenance[key] = _entry(intervals[key, i][1], references)
+            if (path := f"section.{i}.{key}") in intervals:
+                provenance[key] = _entry(intervals[path], references)
         for key in ("inertia", "center_of_mass", "stiffness", "bending_stiffness"):
             provenance[key] = {"status": "identified", **({"logs": references} if references else {})}
         table["provenance"] = provenance
@@ -161,7 +162,7 @@ def _sensors_table(
     table: dict[str, Any] = arm.parameters.to_mapping().get("sensors", {})
     provenance = dict(table.get("provenance", {}))
     for key in ("camera_position", "camera_rotation"):
-        own = [outcome.uncertainty[k] for k, c in enumerate(outcome.model.plain) if c.path[0] == key]
+        own = [outcome.uncertainty[k] for k, c in enumerate(outcome.model.plain) if paths.key_of(c.path) == key]
         if own:
             table[key] = list(getattr(sensors, key))
             provenance[key] = _entry(own, references)

@@ -1,31 +1,32 @@
 """Predictions of many parameter sets over many windows, and their derivatives, in one batch of simulations.
 
-Every window is simulated on a grid of the integrator's own steps (``bha.estimation.grid``), so that windows of
-equal length share the lanes of the batch. Derivatives are forward differences over the batch: the step is fixed, so
+Derivatives are forward differences over the batch: the step is fixed, so
 that a prediction is a smooth function of parameters and initial state and the differences are good to about 1e-6 of the
 derivative.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bha import _core
 from bha.arm import Arm
-from bha.errors import ConvergenceError, ParameterError
+from bha.arm.variants import Variants
+from bha.errors import BhaError, ConvergenceError
 from bha.estimation.conditions import Condition, check_apart, conditioned
-from bha.estimation.free import Coordinate, apply
-from bha.estimation.grid import Grid, averaged, grid_of
+from bha.estimation.free import Coordinate, apply, with_values
 from bha.estimation.records import Record, Window
+from bha.estimation.runs import Run, outputs
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
 from bha.recordings.outputs import longest_sensor_delay
 from bha.runs.options import Method
-from bha.simulation.batch import Batch, simulate_batch
 
 Array = NDArray[np.float64]
 
@@ -85,25 +86,14 @@ class Model:
             windows: the windows.
             states: initial lengths and rates of each, shape (windows, 6n).
         """
-        arms = self._arms(z)
-        if arms is None:
-            return [np.full((w.last - w.first, len(self.records[w.record].channels)), np.nan) for w in windows]
-        members = [(arms[self.records[w.record].condition], w, state) for w, state in zip(windows, states, strict=True)]
-        return self._run(members)
+        runs = [self._at(z, w, state) for w, state in zip(windows, states, strict=True)]
+        return self._outputs(runs)
 
-    def predict_each(
-        self, points: Sequence[tuple[Array, Array]], windows: Sequence[Window]
-    ) -> list[list[Array] | None]:
-        """As :meth:`predict` for several points (z, initial states) abreast; None where parameters are not allowed."""
-        arms = [self._arms(z) for z, _ in points]
-        members = [
-            (own[self.records[w.record].condition], w, state)
-            for own, (_, states) in zip(arms, points, strict=True)
-            if own is not None
-            for w, state in zip(windows, states, strict=True)
-        ]
-        shown = iter(self._run(members) if members else [])
-        return [None if own is None else [next(shown) for _ in windows] for own in arms]
+    def predict_each(self, points: Sequence[tuple[Array, Array]], windows: Sequence[Window]) -> list[list[Array]]:
+        """As :meth:`predict` for several points (z, initial states) abreast."""
+        runs = [self._at(z, w, own) for z, states in points for w, own in zip(windows, states, strict=True)]
+        shown = iter(self._outputs(runs))
+        return [[next(shown) for _ in windows] for _ in points]
 
     def linearize(self, z: Array, windows: Sequence[Window], states: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Per window the prediction (rows, C), its derivative by z (rows, C, p) and by the initial state (rows, C, 6n).
@@ -114,56 +104,44 @@ class Model:
             ConvergenceError: a simulation at ``z`` itself fails.
         """
         p, n = len(z), states.shape[1]
-        base = self._arms(z)
-        if base is None:
-            raise ConvergenceError("the model cannot be linearized where its parameters are not allowed")
-        varied = []
-        for k in range(p):
-            h = PARAMETER_STEP * self._direction(k, z)
-            changed = z.copy()
-            changed[k] += h
-            arms = self._arms(changed)
-            if arms is None:
-                raise ConvergenceError(f"{self.coordinates[k].name}: no derivative at the edge of what is allowed")
-            varied.append((arms, h))
+        moved = [self._moved(k, z) for k in range(p)]
         steps = np.where(np.arange(n) < n // 2, LENGTH_STEP, RATE_STEP)
         for chunk in self._chunks(windows, 1 + p + n):
-            members = []
+            runs: list[Run] = []
             for w in chunk:
-                condition = self.records[windows[w].record].condition
-                members.append((base[condition], windows[w], states[w]))
-                for k, (arms, _) in enumerate(varied):
-                    scope = self.coordinates[k].sessions
-                    if not scope or condition.session in scope:
-                        members.append((arms[condition], windows[w], states[w]))
-                members += [
-                    (base[condition], windows[w], states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)
-                ]
-            outputs = iter(self._run(members))
+                base = self._at(z, windows[w], states[w])
+                if base.arm is None:
+                    raise ConvergenceError("the model cannot be linearized where its parameters are not allowed")
+                runs.append(base)
+                session = base.record.session
+                for k, (changed, _) in enumerate(moved):
+                    if self.coordinates[k].acts_on(session):
+                        runs.append(self._at(changed, windows[w], states[w]))
+                        if runs[-1].arm is None:
+                            name = self.coordinates[k].name
+                            raise ConvergenceError(f"{name}: no derivative at the edge of what is allowed")
+                runs += [replace(base, state=states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)]
+            outputs = iter(self._outputs(runs))
             for w in chunk:
                 session = self.records[windows[w].record].session
                 center = next(outputs)
                 by_z = np.zeros((*center.shape, p))
-                for k, (_, h) in enumerate(varied):
-                    scope = self.coordinates[k].sessions
-                    if not scope or session in scope:
+                for k, (_, h) in enumerate(moved):
+                    if self.coordinates[k].acts_on(session):
                         by_z[..., k] = (next(outputs) - center) / h
                 by_state = np.stack([(next(outputs) - center) / h for h in steps], axis=-1)
                 yield center, by_z, by_state
 
-    def _direction(self, k: int, z: Array) -> float:
-        """The side on which a difference stays within the bounds."""
+    def _moved(self, k: int, z: Array) -> tuple[Array, float]:
+        """The point with one coordinate moved, on the side on which it stays within its bounds, and by how much."""
         _, upper = self.coordinates[k].bounds
-        return -1.0 if z[k] + PARAMETER_STEP > upper else 1.0
-
-    def _arms(self, z: Array) -> dict[Condition, Arm] | None:
-        try:
-            return {condition: self.arm(z, condition) for condition in self._changed}
-        except ParameterError:
-            return None
+        h = -PARAMETER_STEP if z[k] + PARAMETER_STEP > upper else PARAMETER_STEP
+        changed = z.copy()
+        changed[k] += h
+        return changed, h
 
     def _chunks(self, windows: Sequence[Window], members: int) -> list[list[int]]:
-        """Windows in groups whose batch fits into memory; windows of like length together, since batches are padded."""
+        """Windows in groups whose predictions fit into memory; windows of like length together."""
         n = 6 * len(self.parameters.sections)
         chunks: list[list[int]] = [[]]
         longest = 0
@@ -180,55 +158,53 @@ class Model:
         time = self.records[window.record].time
         return int((time[window.last - 1] - time[window.first]) / self.step) + 2
 
-    def _run(self, members: Sequence[tuple[Arm, Window, Array]]) -> list[Array]:
-        pieces = dict.fromkeys(w for _, w, _ in members)
-        lead = 1.5 * longest_sensor_delay(self.parameters)
-        grids = {w: self._grid(w, lead) for w in pieces}
-        drives = {w.record: averaged(self.records[w.record].drive, self.step) for w in grids}
-        own, runs = self._runs(members)
-        times = np.full((len(runs), max(len(g.time) for g in grids.values())), np.nan)
-        for k, (_, w, _) in enumerate(runs):
-            times[k, : len(grids[w].time)] = grids[w].time
-        batch: Batch = simulate_batch(
-            [arm for arm, _, _ in runs],
-            [drives[w.record] for _, w, _ in runs],
-            np.stack([state for _, _, state in runs]),
-            times=times,
-            start=times[:, 0].copy(),
-            method=self.method,
-            step=self.step * (1.0 + 1e-9),
-            velocities=False,
-            head_positions=any(rec.observation.needs_positions for rec in self.records),
-            head_orientations=any(rec.observation.needs_orientations for rec in self.records),
-            measured=True,
-            threads=self.threads,
-            warn=False,
-        )
-        seen: dict[tuple[int, int], Observation] = {}
-        outputs = []
-        for k, (arm, w, _) in zip(own, members, strict=True):
-            grid = grids[w]
-            if (id(arm), w.record) not in seen:
-                seen[id(arm), w.record] = Observation.of(arm.parameters, self.records[w.record].observation.outputs)
-            heads, turns = (
-                None if table is None else table[k, : len(grid.time)]
-                for table in (batch.head_positions, batch.head_orientations)
-            )
-            shown = seen[id(arm), w.record].predicted(batch.lengths[k, : len(grid.time)], heads, turns)
-            outputs.append(grid.at_rows(shown))
-        return outputs
-
-    def _runs(self, members: Sequence[tuple[Arm, Window, Array]]) -> tuple[list[int], list[tuple[Arm, Window, Array]]]:
-        """For each member its simulation, and these: members whose arms differ in sensors only share one."""
-        if not any(paths.is_of_sensors(c.path) for c in self.coordinates):
-            return list(range(len(members))), list(members)
-        moving = {id(arm): arm.parameters.to_core_json() for arm, _, _ in members}
-        runs: dict[tuple[str, Window, bytes], int] = {}
-        own = [runs.setdefault((moving[id(arm)], w, state.tobytes()), len(runs)) for arm, w, state in members]
-        return own, [members[own.index(k)] for k in range(len(runs))]
-
-    def _grid(self, window: Window, lead: float) -> Grid:
-        """The grid of a window: begun earlier by what its sensors are behind, as far as the log goes back."""
+    def _at(self, z: Array, window: Window, state: Array) -> Run:
+        """The run of a window at ``z``; without an arm where the parameters are not allowed."""
         rec = self.records[window.record]
-        rows = rec.time[window.first : window.last]
-        return grid_of(rows, self.step, start=max(float(rec.time[0]), float(rows[0]) - lead))
+        arm, observation = self._shown(np.asarray(z, dtype=np.float64).tobytes(), window.record)
+        return Run(arm, observation, rec, state, window.first, window.last, lead=self._lead)
+
+    def _outputs(self, runs: Sequence[Run]) -> list[Array]:
+        return outputs(runs, self.step, method=self.method, threads=self.threads)
+
+    @cached_property
+    def _lead(self) -> float:
+        """How much earlier a run begins: its sensors may be behind."""
+        return 1.5 * longest_sensor_delay(self.parameters)
+
+    @cached_property
+    def _shown(self) -> Callable[[bytes, int], tuple[_core.Arm | None, Observation]]:
+        """The arm at a point (its numbers as bytes) and the outputs of a record as it shows them."""
+        # Points that differ in what does not act on a record have the same arm, or the same outputs.
+        acting = [tuple(c for c in self.coordinates if c.acts_on(rec.session)) for rec in self.records]
+        changed = [self._changed[rec.condition] for rec in self.records]
+        on_outputs = [tuple(c for c in own if any(map(paths.acts_on_outputs, c.members))) for own in acting]
+
+        @lru_cache(maxsize=256)
+        def observation(record: int, values: tuple[float, ...]) -> Observation:
+            parameters = with_values(changed[record], on_outputs[record], values)
+            return Observation.of(parameters, self.records[record].observation.outputs)
+
+        @lru_cache(maxsize=1024)
+        def shown(point: bytes, record: int) -> tuple[_core.Arm | None, Observation]:
+            rec = self.records[record]
+            value = {c: c.value(float(x)) for c, x in zip(self.coordinates, np.frombuffer(point), strict=True)}
+            try:
+                variants = _variants(changed[record], acting[record], rec.drive.commanded)
+                arm = variants.arm(np.array([value[c] for c in acting[record]]))
+                return arm, observation(record, tuple(value[c] for c in on_outputs[record]))
+            except BhaError:
+                return None, rec.observation
+
+        return shown
+
+
+@lru_cache(maxsize=64)
+def _variants(parameters: ArmParameters, coordinates: tuple[Coordinate, ...], commanded: bool) -> Variants:
+    """Arms by values of coordinates; measured pressures stand in the chambers already, so pneumatics go."""
+
+    def describe(values: Array) -> dict[str, Any]:
+        core = with_values(parameters, coordinates, values).to_core()
+        return core if commanded else {key: entry for key, entry in core.items() if key != "pneumatics"}
+
+    return Variants(describe, [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates])

@@ -85,37 +85,63 @@ class FreeParameter:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A free parameter with everything filled in: the map between value and estimation coordinate z."""
+    """A number that is estimated, with everything filled in: the map between its value and the coordinate z.
+
+    Attributes:
+        name: what it is called in reports.
+        path: where it stands, as in :mod:`bha.parameters.paths` or as the model that has it reads it.
+        unit: SI unit.
+        start: value at z = 0.
+        scale: how far the value moves with z, or its logarithm.
+        logarithmic: whether the value is ``start exp(scale z)``, else ``start + scale z``.
+        lower: least value.
+        upper: greatest value.
+        prior_mean: mean of the prior, as a value.
+        prior_deviation: its standard deviation, as a value; infinite for no prior.
+        members: the numbers that a group matches.
+        sessions: names of the sessions whose logs it acts on; empty for all.
+        range: values outside of which no arm has it.
+    """
 
     name: str
     path: str
-    members: tuple[str, ...]
-    sessions: tuple[str, ...]
     unit: str
     start: float
-    logarithmic: bool
     scale: float
+    logarithmic: bool
     lower: float
     upper: float
     prior_mean: float
     prior_deviation: float
-    range: tuple[float, float]
+    members: tuple[str, ...] = ()
+    sessions: tuple[str, ...] = ()
+    range: tuple[float, float] = (-math.inf, math.inf)
 
     def value(self, z: float) -> float:
-        """Value in SI units at the coordinate z."""
-        value = self.start * math.exp(z) if self.logarithmic else self.start + self.scale * z
-        # On a bound rounding must not put it outside.
-        return self.lower if math.isclose(value, self.lower, abs_tol=1e-12 * self.scale) else value
+        """Value in SI units at the coordinate z, within the bounds."""
+        raw = self.start * math.exp(min(self.scale * z, 50.0)) if self.logarithmic else self.start + self.scale * z
+        return min(max(raw, self.lower), self.upper)
 
     def coordinate(self, value: float) -> float:
-        """Coordinate z of a value; infinite where a logarithm does not exist."""
+        """Coordinate z of a value, or of the bound beyond which it lies."""
+        value = min(max(value, self.lower), self.upper)
         if self.logarithmic:
-            return math.log(value / self.start) if value > 0 else -math.inf
+            return math.log(max(value, 1e-300) / self.start) / self.scale
         return (value - self.start) / self.scale
 
     def slope(self, z: float) -> float:
-        """d value / dz."""
-        return self.value(z) if self.logarithmic else self.scale
+        """d value / dz within the bounds."""
+        return self.scale * self.value(z) if self.logarithmic else self.scale
+
+    def acts_on(self, session: str) -> bool:
+        """Whether logs of a session see it."""
+        return not self.sessions or session in self.sessions
+
+    def at_bound(self, z: float) -> bool:
+        """Whether the value sits on a bound."""
+        value = self.value(z)
+        size = 1e-6 * max(abs(value), self.scale if not self.logarithmic else 0.0)
+        return value <= self.lower + size or value >= self.upper - size
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -125,8 +151,13 @@ class Coordinate:
     @property
     def prior(self) -> tuple[float, float]:
         """Mean and standard deviation of the prior on z."""
-        mean = self.coordinate(self.prior_mean)
-        return mean, self.prior_deviation / abs(self.prior_mean if self.logarithmic else self.scale)
+        unit = abs(self.prior_mean * self.scale if self.logarithmic else self.scale)
+        return self.coordinate(self.prior_mean), self.prior_deviation / unit
+
+    @property
+    def prior_weight(self) -> float:
+        """One over the variance of the prior on z; 0 for none."""
+        return float(self.prior[1] ** -2.0)
 
 
 def resolve(parameters: ArmParameters, free: Iterable[FreeParameter | str]) -> tuple[Coordinate, ...]:
@@ -170,6 +201,8 @@ def _resolve(parameters: ArmParameters, free: FreeParameter) -> Coordinate:
     if not lower < upper or not lower <= start <= upper:
         raise InputError(f"{free.name}: start {start} must lie within its bounds [{lower}, {upper}]")
     scale = free.scale if free.scale is not None else typical_scale(parameters, free.path, start)
+    if logarithmic:
+        scale = 1.0
     prior_mean, deviation = start, (start * _LOG_PRIOR if logarithmic else 3.0 * scale)
     if free.prior is not None:
         prior_mean, deviation = free.prior
@@ -235,23 +268,28 @@ def apply(
     parameters: ArmParameters, coordinates: Sequence[Coordinate], z: NDArray[np.float64], session: str = ""
 ) -> ArmParameters:
     """The parameters with the coordinates' values at ``z`` put in, as logs of ``session`` see them."""
-    values: dict[str, float] = {}
+    acting = [(c, c.value(float(x))) for c, x in zip(coordinates, z, strict=True) if c.acts_on(session)]
+    return with_values(parameters, [c for c, _ in acting], [value for _, value in acting])
+
+
+def with_values(
+    parameters: ArmParameters, coordinates: Sequence[Coordinate], values: Sequence[float] | NDArray[np.float64]
+) -> ArmParameters:
+    """The parameters with values of the coordinates put in, factors of groups last."""
+    found: dict[str, float] = {}
     for group in (False, True):
-        for coordinate, entry in zip(coordinates, z, strict=True):
+        for coordinate, value in zip(coordinates, values, strict=True):
             if paths.is_group(coordinate.path) != group:
                 continue
-            if coordinate.sessions and session not in coordinate.sessions:
-                continue
-            value = coordinate.value(float(entry))
             for member in coordinate.members:
                 if group:
-                    values[member] = value * values.get(member, paths.get_value(parameters, member))
+                    found[member] = float(value) * found.get(member, paths.get_value(parameters, member))
                 else:
-                    values[member] = value
+                    found[member] = float(value)
     with warnings.catch_warnings():
         # Moments of inertia that fit no body on the way to the minimum are judged at the end.
         warnings.simplefilter("ignore", ParameterWarning)
-        return paths.with_values(parameters, values)
+        return paths.with_values(parameters, found)
 
 
 def default_free(parameters: ArmParameters, *, masses: bool = True) -> tuple[str, ...]:

@@ -3,7 +3,8 @@
 Steps of an integrator end on every output. Outputs at the rows of a log would make the step as short as the sampling
 interval, and windows with irregular rows could not share the lanes of a batch. Each window is therefore simulated at
 multiples of the step after its start, and its rows are read off by polynomials of degree 5 through six grid points
-around each (exact on the grid, error about h^6 / 200 of the sixth derivative; choosing the step accounts for it).
+around each (exact on the grid, error about h^6 / 200 of the sixth derivative; choosing the step accounts for it). Where
+all rows are such multiples, these alone are put out.
 
 A step looks at the pressures at its ends and its middle only. Where a log has more samples than that, pressures are
 averaged over half a step first: left alone, every sample between would be lost and the noise of the others would count
@@ -22,6 +23,8 @@ from bha.runs.input import Input
 Array = NDArray[np.float64]
 
 _POINTS = 6
+#: Rows this near to a point of the grid are on it, in steps.
+_ON_GRID = 1e-6
 
 
 @dataclass(frozen=True)
@@ -29,17 +32,21 @@ class Grid:
     """Even times that cover some rows.
 
     Attributes:
-        time: of the grid, s, shape (g,).
-        first: the first of the six grid points of each row, shape (rows,).
-        weights: of those points, shape (rows, 6).
+        start: where the grid begins, s.
+        time: of its points that are put out, s, shape (g,).
+        first: the first of the six points of each row, shape (rows,); the row's own where ``weights`` is None.
+        weights: of those points, shape (rows, 6); None where every row is a point.
     """
 
+    start: float
     time: Array
     first: NDArray[np.int64]
-    weights: Array
+    weights: Array | None
 
     def at_rows(self, table: Array) -> Array:
         """Values at the rows out of values on the grid, shape (..., g, C) to (..., rows, C)."""
+        if self.weights is None:
+            return np.asarray(table[..., self.first, :])
         total = np.zeros((*table.shape[:-2], len(self.first), table.shape[-1]))
         for k in range(_POINTS):
             total += self.weights[:, k, None] * table[..., self.first + k, :]
@@ -50,6 +57,9 @@ def grid_of(rows: Array, step: float, *, start: float | None = None) -> Grid:
     """The grid with a step, s, from ``start`` (the first of some rows) to the last; rows are ascending times, s."""
     begin = float(rows[0]) if start is None else start
     place = (rows - begin) / step
+    whole = np.round(place)
+    if np.all(np.abs(place - whole) < _ON_GRID) and np.all(np.diff(whole) > 0.0):
+        return Grid(begin, begin + step * whole, np.arange(len(rows)), None)
     count = max(int(np.ceil(place[-1] - 1e-9)) + 1, _POINTS)
     first = np.clip(np.floor(place).astype(np.int64) - _POINTS // 2 + 1, 0, count - _POINTS)
     local = place - first
@@ -59,7 +69,7 @@ def grid_of(rows: Array, step: float, *, start: float | None = None) -> Grid:
         for other in range(_POINTS):
             if other != k:
                 weights[:, k] *= (local - nodes[other]) / (nodes[k] - nodes[other])
-    return Grid(np.asarray(begin + step * np.arange(count), dtype=np.float64), first, weights)
+    return Grid(begin, np.asarray(begin + step * np.arange(count), dtype=np.float64), first, weights)
 
 
 def averaged(drive: Input, step: float) -> Input:

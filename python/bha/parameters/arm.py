@@ -303,7 +303,11 @@ class ArmParameters(Table):
         return all(section.has_standard_bellows for section in self.sections)
 
     def to_core_json(self) -> str:
-        """Everything the core computes with, as JSON, every default and inherited value filled in; inputs by index.
+        """:meth:`to_core` as JSON."""
+        return json.dumps(self.to_core(), allow_nan=False)
+
+    def to_core(self) -> dict[str, Any]:
+        """Everything the core computes with, every default and inherited value filled in; inputs by index.
 
         Where the sensors are is not among it: the motion does not depend on them.
         """
@@ -342,7 +346,7 @@ class ArmParameters(Table):
             core["base"] = {"position": self.base.position, "rotation": self.base.rotation_rad}
         if self.pneumatics is not None:
             core["pneumatics"] = self.pneumatics.to_core()
-        return json.dumps(core, allow_nan=False)
+        return core
 
     def stated_values(self) -> Iterator[StatedValue]:
         """Every value the file states, in its order of tables, with where it comes from."""

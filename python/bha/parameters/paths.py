@@ -124,6 +124,12 @@ def is_of_sensors(path: str) -> bool:
     return path.partition(".")[0] in ("sensors", "length_sensor")
 
 
+def acts_on_outputs(path: str) -> bool:
+    """Whether how measured values follow from the motion depends on a number: where sensors sit, how they err."""
+    steps = path.split(".")
+    return is_of_sensors(path) or steps[0] in ("effect", "*") or steps[-1] in ("radius", "bellows_radius", "*")
+
+
 def unit_of(path: str) -> str:
     """Unit of the number at a path; empty for groups, which are factors, and for effects."""
     if "*" in path:

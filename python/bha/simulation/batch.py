@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
@@ -175,12 +175,80 @@ def simulate_batch(
     columns = unique_arms[0].section_count * each
     check_room(float(count) * max(map(len, time_sets)), 8 * columns, "rows of members; fewer at a time are needed.")
 
-    out = _core.simulate_batch(
+    batch = run_members(
         unique_arms,
         [drive.in_core(interpolation, f"inputs[{k}].") for k, drive in enumerate(drives)],
         time_sets,
         [(arm_index[k], input_index[k], k if len(time_sets) > 1 else 0) for k in range(count)],
         starts,
+        state,
+        options,
+        velocities=velocities,
+        head_positions=head_positions,
+        head_orientations=head_orientations,
+        measured=measured,
+        shared_steps=shared_steps,
+        threads=threads,
+        instruction_set=instruction_set,
+        progress=progress,
+    )
+    if warn:
+        # Those that failed say so themselves.
+        text = members_beyond([unique_arms[k] for k in arm_index], batch.lengths, batch.succeeded)
+        if text is not None:
+            warnings.warn(text, LogWarning, stacklevel=2)
+    return replace(batch, time=rows[..., : batch.lengths.shape[1]])
+
+
+def run_members(
+    arms: Sequence[_core.Arm],
+    inputs: Sequence[_core.Input],
+    times: Sequence[NDArray[np.float64]],
+    members: Sequence[tuple[int, int, int]],
+    start: NDArray[np.float64],
+    state: NDArray[np.float64] | None,
+    options: Options,
+    *,
+    velocities: bool = True,
+    head_positions: bool = False,
+    head_orientations: bool = False,
+    measured: bool = False,
+    shared_steps: bool = False,
+    threads: int | None = None,
+    instruction_set: InstructionSet | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Batch:
+    """What :func:`simulate_batch` runs: members as they are, of arms that need no parameter file.
+
+    Args:
+        arms: the arms; pneumatics act on every input.
+        inputs: what drives them.
+        times: sets of output times, s, each ascending.
+        members: for each member the places of its arm, its input and its times.
+        start: when each starts, s, shape (members,).
+        state: initial lengths and rates, shape (members, 6n); at rest under the pressures at the start if None.
+        options: how to integrate; the interpolation is that of the inputs.
+        velocities: as in :func:`simulate_batch`, like all that follows.
+        head_positions: see there.
+        head_orientations: see there.
+        measured: see there.
+        shared_steps: see there.
+        threads: see there.
+        instruction_set: see there.
+        progress: see there.
+
+    Returns:
+        The members' rows; ``time`` holds the output times of each set, NaN where it has fewer.
+
+    Raises:
+        InputError: arguments that do not fit together.
+    """
+    out = _core.simulate_batch(
+        arms,
+        inputs,
+        times,
+        members,
+        start,
         state,
         method=options.method,
         step=options.step,
@@ -196,15 +264,12 @@ def simulate_batch(
         instruction_set=instruction_set,
         progress=progress,
     )
-    if warn:
-        # Those that failed say so themselves.
-        ended = np.array([failure is None for failure in out.failures])
-        text = members_beyond([unique_arms[k] for k in arm_index], out.lengths, ended)
-        if text is not None:
-            warnings.warn(text, LogWarning, stacklevel=2)
+    padded = np.full((len(times), out.lengths.shape[1]), np.nan)
+    for row, own in zip(padded, times, strict=True):
+        row[: len(own)] = own[: padded.shape[1]]
     heads, orientations = out.head_positions, out.head_orientations
     return Batch(
-        time=rows[..., : out.lengths.shape[1]],
+        time=padded,
         lengths=out.lengths,
         velocities=out.velocities,
         head_positions=None if heads is None else heads.reshape(*heads.shape[:2], -1, 3),

@@ -3,6 +3,7 @@
 pub mod structure;
 #[cfg(test)]
 pub(crate) mod testing;
+pub mod variants;
 
 use crate::body::Body;
 use crate::body::parameters::{ArmParameters, PneumaticsLevel};

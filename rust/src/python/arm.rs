@@ -5,6 +5,7 @@ use super::errors::{input, to_python};
 use super::external::Outside;
 use super::signals::Signals;
 use crate::arm::Arm;
+use crate::arm::variants::Variants;
 use crate::body::parameters::ArmParameters;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::{forward_dynamics_into, inverse_dynamics_into};
@@ -117,6 +118,12 @@ impl PyArm {
     }
 }
 
+impl PyArm {
+    fn of(arm: Arm) -> Self {
+        Self { ws: Mutex::new(Workspace::new(&arm)), arm: Arc::new(arm) }
+    }
+}
+
 #[pymethods]
 impl PyArm {
     #[new]
@@ -125,7 +132,7 @@ impl PyArm {
         let parameters: ArmParameters =
             serde_json::from_str(parameters_json).map_err(|e| input(py, format!("parameters: {e}")))?;
         let arm = Arm::new(&parameters).map_err(|e| to_python(py, &e))?;
-        Ok(Self { ws: Mutex::new(Workspace::new(&arm)), arm: Arc::new(arm) })
+        Ok(Self::of(arm))
     }
 
     /// Positions (n, 3) and orientations (n, 3, 3) of the heads in the world, effects on poses
@@ -496,5 +503,26 @@ impl Energy {
             "Energy(translational={:.6e}, rotational={:.6e}, gravity={:.6e}, bending={:.6e}, spring={:.6e}, axial={:.6e})",
             e.translational, e.rotational, e.gravity, e.bending, e.spring, e.axial
         )
+    }
+}
+
+/// Arms that differ from one in the numbers at some places of its description.
+#[pyclass(name = "Variants", module = "bha._core", frozen)]
+pub struct PyVariants {
+    variants: Variants,
+}
+
+#[pymethods]
+impl PyVariants {
+    #[new]
+    fn new(py: Python<'_>, parameters_json: &str, places: Vec<String>) -> PyResult<Self> {
+        Ok(Self { variants: Variants::new(parameters_json, places).map_err(|e| to_python(py, &e))? })
+    }
+
+    /// The arm with some values (k,), one a place.
+    fn arm(&self, values: &Bound<'_, PyAny>) -> PyResult<PyArm> {
+        let py = values.py();
+        let values = vector(values, "values", self.variants.size())?;
+        self.variants.arm(&values).map(PyArm::of).map_err(|e| to_python(py, &e))
     }
 }

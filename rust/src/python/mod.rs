@@ -24,6 +24,7 @@ use pyo3::prelude::*;
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_class::<arm::PyArm>()?;
+    m.add_class::<arm::PyVariants>()?;
     m.add_class::<arm::DynamicsTerms>()?;
     m.add_class::<arm::Energy>()?;
     m.add_class::<input::PyInput>()?;
