@@ -19,7 +19,7 @@ from bha.estimation.free import default_free, resolve
 from bha.estimation.records import windows
 from bha.identification import record
 
-from .identify_recovery import Case, arm_of, synthetic_log
+from .identify_recovery.logs import Condition, arm_of, synthetic_log
 
 STEP = 5e-3
 
@@ -31,8 +31,9 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=60.0, help="s")
     parser.add_argument("--window", type=float, default=6.0, help="s")
     arguments = parser.parse_args()
-    case = Case(arm_of(arguments.sections), arguments.duration, 200.0)
-    arm, rec = case.arm, record(case.arm, synthetic_log(case, 0))
+    arm = arm_of(arguments.sections)
+    log = synthetic_log(arm, Condition("derivatives", rate=200.0, duration=arguments.duration), 0)
+    rec = record(arm, log)
     free = default_free(arm.parameters)
     pieces = windows([rec], arguments.window)
     rest = arm.static_lengths(rec.drive.pressures[0])

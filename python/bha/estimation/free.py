@@ -120,7 +120,9 @@ class Coordinate:
     def value(self, z: float) -> float:
         """Value in SI units at the coordinate z, within the bounds."""
         raw = self.start * math.exp(min(self.scale * z, 50.0)) if self.logarithmic else self.start + self.scale * z
-        return min(max(raw, self.lower), self.upper)
+        # A bound's own coordinate gives the bound, not what rounding makes of it.
+        on = [b for b in (self.lower, self.upper) if math.isclose(raw, b, abs_tol=1e-12 * abs(self.scale))]
+        return on[0] if on else min(max(raw, self.lower), self.upper)
 
     def coordinate(self, value: float) -> float:
         """Coordinate z of a value, or of the bound beyond which it lies."""
