@@ -169,7 +169,7 @@ FAULTS = [
     ("t [s],p11 [Pa]\n0,1\n1", "FILE, line 3: found 1 fields; the headings have 2; the file ends inside this line"),
     ("t [s],p11 [Pa]\n", "FILE has headings but no rows of numbers"),
     ("", "FILE: the file is empty; expected a line of headings and lines of numbers"),
-    ("t [s];p11 [Pa]\n0;1\n", "FILE, line 1: the headings are separated by ';'; expected commas"),
+    ("t [s];p11 [Pa]\n0;1,2.3\n", "FILE, line 1: the headings are separated by ';'; expected commas"),
     ("t [s],p11 [Pa]\n\0\0\0", "FILE is not a text file but binary data; expected CSV, plain or gzip"),
     (
         "time [s],p11 [Pa]\n0,1\n",

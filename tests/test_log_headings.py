@@ -71,22 +71,29 @@ def test_a_time_of_another_name_gets_a_proposal(heading: str, meant: str, tmp_pa
         ("operator;somebody\n", 1, 2),
     ],
 )
-def test_lines_above_the_headings_are_named(above: str, line: int, next_line: int, tmp_path: Path) -> None:
-    found = fault(tmp_path, above + "t [s],p11 [Pa]\n0,1\n")
+def test_lines_above_the_headings_are_passed_over_or_named(
+    above: str, line: int, next_line: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(above + "t [s],p11 [Pa(g)]\n0,1\n")
+    (note,) = Log.read(path).notes
+    assert f"headings in line {next_line}, numbers from line {next_line + 1} on" in note
+    # Where no numbers follow nothing says that these are headings.
+    found = fault(tmp_path, above + "t [s],p11 [Pa]\nzero,one\n")
     assert found.startswith(f"FILE, line {line} is no line of headings: found '")
     assert found.endswith(f"'; they seem to begin in line {next_line}: remove the lines above it")
 
 
 def test_lines_above_headings_of_another_kind(tmp_path: Path) -> None:
-    assert "line 1 is no line of headings" in fault(tmp_path, "sep=;\nt [s];p11 [Pa]\n0;1\n")
-    assert "in line 3" in fault(tmp_path, "made,1\nby,2\nFrame,Time (Seconds),X\n0,1,2\n")
+    assert "column 'Frame'" not in fault(tmp_path, "made,1\nby,2\nFrame,Time (Seconds),X\n0,1,2\n")
+    assert "did you mean 't [s]'" in fault(tmp_path, "made,1\nby,2\nFrame,Time (Seconds),X\n0,1,2\n")
     assert fault(tmp_path, "sep=,\n1,2\n").endswith("found 'sep=,'; remove the lines above the headings")
     for line in ('"t [s],p11 [Pa]"', '"t [s],p11 [Pa]'):
         assert "line 1: all headings stand in one pair of quotes, or a quote is not" in fault(
             tmp_path, f"{line}\n0,1\n"
         )
-    assert fault(tmp_path, "a;b\n1;2\n") == "FILE: there is no column of time, 't [s]'; the log has: a;b"
-    assert "line 1: the headings are separated by '\\t'; exp" in fault(tmp_path, "t [s]\tp11 [Pa]\n0\t1\n")
+    assert fault(tmp_path, "a;b\n1;2\n") == "FILE: there is no column of time, 't [s]'; the log has: a, b"
+    assert "line 1: the headings are separated by '\\t'; exp" in fault(tmp_path, "t [s]\tp11 [Pa]\n0\tone\n")
     assert fault(tmp_path, "a,b\n1,2\n") == "FILE: there is no column of time, 't [s]'; the log has: a, b"
 
 

@@ -531,5 +531,6 @@ def read_table(
     plan: Callable[[list[str], list[str]], list[TableColumn]],
     progress: Callable[[float], None] | None = None,
     name: str | None = None,
+    layout: tuple[str, bool, int, int] | None = None,
 ) -> Table: ...
 def format_table_rows(columns: Sequence[ArrayLike]) -> bytes: ...

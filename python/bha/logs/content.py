@@ -155,16 +155,18 @@ def _of_table(
             headings, opening = renamed(origin, headings, mapping), ()
         return plan(origin, headings, ambient_pressure=ambient_pressure, only=columns, missing=missing, opening=opening)
 
+    notes = [] if mapping is None else [f"columns by {mapping.origin}"]
     unterminated = False
     with formats.rereadable(path) as source:
         if formats.is_parquet(source):
             planned, found = formats.read_parquet(source, origin, decide, progress)
         else:
-            planned, found, unterminated = formats.read_csv(source, origin, decide, progress)
+            table = formats.read_text(source, origin, decide, progress)
+            planned, found, unterminated = table.columns, table.found, table.unterminated
+            notes += [] if table.layout is None else [table.layout.in_words()]
         digest = formats.sha256_of(source, origin, mapping.text if mapping is not None else "")
     odd = ("the last line has no line end; if the file was cut off, its last number may be wrong",) * unterminated
-    notes = () if mapping is None else (f"columns by {mapping.origin}",)
-    return Raw(planned, found, digest, notes, odd)
+    return Raw(planned, found, digest, tuple(notes), odd)
 
 
 def of_columns(

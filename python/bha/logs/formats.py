@@ -16,6 +16,7 @@ import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from bha import _core
 from bha.errors import InputError, LogError
 from bha.logs.columns import FREE, SKIP, Column, check_values
+from bha.logs.layout import Layout, layout_of
 from bha.support.extras import import_extra
 from bha.support.files import written_whole
 
@@ -104,27 +106,43 @@ def is_parquet(path: Path) -> bool:
         return False
 
 
-def read_csv(path: Path, origin: str, plan: Plan, progress: Progress | None) -> tuple[list[Column], list[Found], bool]:
-    """Read a CSV file; errors call it ``origin``.
+@dataclass(frozen=True)
+class TextTable:
+    """A table of text as it was read.
 
-    Returns:
-        The columns, what was found in each, and whether the last line has no line end.
+    Attributes:
+        columns: what was planned.
+        found: what was found in each.
+        unterminated: whether the last line has no line end.
+        layout: how it is laid out where it is no plain CSV, else None.
+    """
+
+    columns: list[Column]
+    found: list[Found]
+    unterminated: bool
+    layout: Layout | None
+
+
+def read_text(path: Path, origin: str, plan: Plan, progress: Progress | None) -> TextTable:
+    """Read a table of text: CSV, or laid out as its first lines tell; errors call it ``origin``.
 
     Raises:
         LogError: a fault, with line and column.
     """
     columns: list[Column] = []
+    layout = layout_of(path)
 
     def core_plan(headings: list[str], opening: list[str]) -> list[_core.TableColumn]:
-        columns.extend(plan(headings, opening))
+        columns.extend(plan(headings, opening) if layout is None else plan(layout.headings(headings), ()))
         return [_core.TableColumn(c.used, c.least, c.hint, c.missing, c.absent) for c in columns]
 
-    table = _core.read_table(os.fspath(path), core_plan, progress, origin)
+    stated = None if layout is None else layout.for_core
+    table = _core.read_table(os.fspath(path), core_plan, progress, origin, stated)
     found = [
         f"line {entry.line}: '{entry.text}' is not a number" if isinstance(entry, _core.TextFound) else entry
         for entry in table.columns
     ]
-    return columns, found, table.unterminated
+    return TextTable(columns, found, table.unterminated, layout)
 
 
 def read_parquet(path: Path, origin: str, plan: Plan, progress: Progress | None) -> tuple[list[Column], list[Found]]:

@@ -10,7 +10,7 @@ use pyo3::types::PyBytes;
 
 use super::arrays::any_numbers;
 use super::errors::log;
-use crate::table::{Column, ColumnUse, Fault, ReadColumn, TableError, TableReader, format_rows};
+use crate::table::{Column, ColumnUse, Fault, Layout, ReadColumn, TableError, TableReader, format_rows};
 
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Table>()?;
@@ -54,20 +54,23 @@ pub struct Table {
 /// Read a table of numbers from a CSV file, plain or gzip.
 ///
 /// `plan` gets the headings and the first lines as they stand, and returns a `TableColumn` for each heading. `progress`
-/// gets the fraction of the file that is done. Errors call the file `name`. Raises LogError; what `plan` and `progress`
-/// raise comes back as it is.
+/// gets the fraction of the file that is done. Errors call the file `name`. `layout` is the separator, whether numbers have
+/// decimal commas, and the lines of the headings and of the first numbers; None for plain CSV. Raises LogError; what `plan`
+/// and `progress` raise comes back as it is.
 #[pyfunction]
-#[pyo3(signature = (path, plan, progress=None, name=None))]
+#[pyo3(signature = (path, plan, progress=None, name=None, layout=None))]
 fn read_table<'py>(
     py: Python<'py>,
     path: PathBuf,
     plan: &Bound<'py, PyAny>,
     progress: Option<Py<PyAny>>,
     name: Option<String>,
+    layout: Option<(char, bool, u64, u64)>,
 ) -> PyResult<Table> {
+    let layout = layout.map(layout_of).transpose()?.unwrap_or_default();
     let name = name.unwrap_or_else(|| path.display().to_string());
     let wrong = |py: Python<'_>, error: &TableError| log_error(py, &name, error);
-    let reader = TableReader::open(&path).map_err(|error| wrong(py, &error))?;
+    let reader = TableReader::open_as(&path, layout).map_err(|error| wrong(py, &error))?;
     let columns = plan
         .call1((reader.headings().to_vec(), reader.opening().to_vec()))?
         .extract::<Vec<Bound<'_, TableColumn>>>()?
@@ -121,6 +124,17 @@ fn format_table_rows<'py>(py: Python<'py>, columns: Vec<Bound<'py, PyAny>>) -> P
     let mut text = Vec::new();
     py.detach(|| format_rows(&columns, &mut text));
     Ok(PyBytes::new(py, &text))
+}
+
+fn layout_of(given: (char, bool, u64, u64)) -> PyResult<Layout> {
+    let (separator, decimal_comma, headings_line, numbers_line) = given;
+    let separator = u8::try_from(separator).ok().filter(|byte| matches!(byte, b',' | b';' | b'\t'));
+    match separator {
+        Some(separator) if 0 < headings_line && headings_line < numbers_line => {
+            Ok(Layout { separator, decimal_comma, headings_line, numbers_line })
+        }
+        _ => Err(PyValueError::new_err("a layout is (',', ';' or tab, decimal commas, line of headings, of numbers)")),
+    }
 }
 
 fn column_use(name: &str) -> PyResult<ColumnUse> {

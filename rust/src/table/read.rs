@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use csv::ByteRecord;
 
 use super::error::{Fault, TableError, Unpacking};
+use super::layout::Layout;
 use super::source::{self, Counts};
 
 /// Time between two calls of the watcher: often enough to stop within a tenth of a second.
@@ -83,6 +84,9 @@ pub struct TableReader {
     size: u64,
     opening: Vec<String>,
     headings: Vec<String>,
+    layout: Layout,
+    /// Bytes of text before the headings.
+    skipped: u64,
 }
 
 impl TableReader {
@@ -91,22 +95,38 @@ impl TableReader {
     /// # Errors
     /// The file is missing, empty or not text.
     pub fn open(path: &Path) -> Result<Self, TableError> {
-        let source = source::open(path)?;
+        Self::open_as(path, Layout::default())
+    }
+
+    /// The same for a table that is laid out in another way. Headings that are not UTF-8 are read as Latin-1 there.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn open_as(path: &Path, layout: Layout) -> Result<Self, TableError> {
+        let source::Source { text, counts, unpacking, size, opening } = source::open(path)?;
+        let (text, skipped) = source::after_lines(text, layout.headings_line - 1)
+            .map_err(|error| Fault::from_io(error, unpacking).at(layout.headings_line))?;
         let mut lines = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
+            .delimiter(layout.separator)
             .buffer_capacity(BUFFER)
-            .from_reader(source.text);
+            .from_reader(text);
         let mut record = ByteRecord::new();
-        let unpacking = source.unpacking;
-        lines.read_byte_record(&mut record).map_err(|error| read_fault(error, unpacking, 1))?;
+        let before = layout.headings_line - 1;
+        lines.read_byte_record(&mut record).map_err(|error| read_fault(error, unpacking, before + 1))?;
         let headings = record
             .iter()
-            .map(|field| String::from_utf8(field.to_vec()).map(|heading| heading.trim().to_owned()))
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|_| Fault::HeadingsNotText.at(1))?;
-        let source::Source { counts, size, opening, .. } = source;
-        Ok(Self { lines, counts, unpacking, size, opening, headings })
+            .map(|field| heading(field, &layout))
+            .collect::<Option<Vec<_>>>()
+            .ok_or_else(|| Fault::HeadingsNotText.at(before + 1))?;
+        while lines.position().line() + before < layout.numbers_line {
+            let line = lines.position().line() + before;
+            if !lines.read_byte_record(&mut record).map_err(|error| read_fault(error, unpacking, line))? {
+                break;
+            }
+        }
+        Ok(Self { lines, counts, unpacking, size, opening, headings, layout, skipped })
     }
 
     /// The first lines of the file as they stand, each clipped: where the headings are to be looked for if they are not
@@ -149,8 +169,8 @@ impl TableReader {
         let mut seen = 0;
         stopped(watch(self.counts.on_disk.get(), self.size))?;
         loop {
-            self.counts.line_start.set(self.lines.position().byte());
-            let line = self.lines.position().line();
+            self.counts.line_start.set(self.skipped + self.lines.position().byte());
+            let line = self.before() + self.lines.position().line();
             if !self.lines.read_byte_record(&mut record).map_err(|error| read_fault(error, self.unpacking, line))? {
                 break;
             }
@@ -184,8 +204,25 @@ impl TableReader {
     fn line_of_last_record(&self) -> u64 {
         let after = self.lines.position();
         // A last line may have no end at all.
-        let unterminated = self.counts.last.get() != u64::from(b'\n') && after.byte() >= self.counts.text.get();
-        after.line() - u64::from(!unterminated)
+        let at_end = self.skipped + after.byte() >= self.counts.text.get();
+        let unterminated = self.counts.last.get() != u64::from(b'\n') && at_end;
+        self.before() + after.line() - u64::from(!unterminated)
+    }
+
+    /// Lines before the headings.
+    fn before(&self) -> u64 {
+        self.layout.headings_line - 1
+    }
+
+    /// Whether a line that has not one field for each heading can be read all the same: what is too much is blank, what
+    /// is not there nobody needs.
+    fn fits(&self, record: &ByteRecord, columns: &[Column]) -> bool {
+        if self.layout.is_plain() {
+            return false;
+        }
+        let blank = record.iter().skip(columns.len()).all(|field| without_blanks(field).is_empty());
+        let needless = |column: &Column| matches!(column.used, ColumnUse::Skip | ColumnUse::Free);
+        blank && columns.iter().skip(record.len()).all(needless)
     }
 
     fn append(
@@ -195,23 +232,24 @@ impl TableReader {
         columns: &[Column],
         found: &mut [ReadColumn],
     ) -> Result<(), TableError> {
-        if record.len() != columns.len() {
+        if record.len() != columns.len() && !self.fits(record, columns) {
             let fault = Fault::FieldCount { expected: columns.len(), found: record.len() };
             return Err(self.locate(fault, line, None));
         }
-        for (index, (field, (column, found))) in record.iter().zip(columns.iter().zip(found)).enumerate() {
+        for (index, (column, found)) in columns.iter().zip(found).enumerate() {
+            let field = record.get(index).unwrap_or_default();
             let ReadColumn::Numbers(numbers) = found else {
                 continue;
             };
             if column.used == ColumnUse::Free {
-                match parse(field) {
+                match parse(field, self.layout.decimal_comma) {
                     Cell::Number(number) => numbers.push(number),
                     Cell::Absent => numbers.push(f64::NAN),
                     Cell::Infinite | Cell::Other => *found = ReadColumn::Text { line, found: shown(field) },
                 }
                 continue;
             }
-            let number = match parse(field) {
+            let number = match parse(field, self.layout.decimal_comma) {
                 Cell::Number(number) => check(number, column, numbers.last()),
                 Cell::Absent if column.missing => Ok(f64::NAN),
                 Cell::Absent => Err(absent(field, column)),
@@ -234,6 +272,15 @@ impl TableReader {
             fault,
         }
     }
+}
+
+fn heading(field: &[u8], layout: &Layout) -> Option<String> {
+    let text = match std::str::from_utf8(field) {
+        Ok(text) => text.to_owned(),
+        Err(_) if layout.is_plain() => return None,
+        Err(_) => field.iter().map(|&byte| char::from(byte)).collect(),
+    };
+    Some(text.trim().to_owned())
 }
 
 fn read_fault(error: csv::Error, unpacking: Unpacking, line: u64) -> TableError {
@@ -260,11 +307,19 @@ enum Cell {
     Other,
 }
 
-fn parse(field: &[u8]) -> Cell {
+fn parse(field: &[u8], decimal_comma: bool) -> Cell {
     let field = without_blanks(field);
-    let Ok(text) = std::str::from_utf8(field) else {
+    let Ok(mut text) = std::str::from_utf8(field) else {
         return Cell::Other;
     };
+    let with_point;
+    if decimal_comma && text.bytes().any(|byte| byte == b',' || byte == b'.') {
+        if text.contains('.') {
+            return Cell::Other;
+        }
+        with_point = text.replacen(',', ".", 1);
+        text = &with_point;
+    }
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() => Cell::Number(number),
         Ok(number) if number.is_infinite() => Cell::Infinite,

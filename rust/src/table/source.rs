@@ -82,6 +82,27 @@ pub(super) fn open(path: &Path) -> Result<Source, Fault> {
     Ok(Source { text: Box::new(text), counts, unpacking, size: about.len(), opening })
 }
 
+/// The same text after so many lines, and how many bytes these have; they may hold anything, open quotes too.
+pub(super) fn after_lines(mut text: Box<dyn Read + Send>, lines: u64) -> io::Result<(Box<dyn Read + Send>, u64)> {
+    let (mut left, mut bytes) = (lines, 0);
+    let mut buffer = vec![0; PROBE];
+    while left > 0 {
+        let count = text.read(&mut buffer)?;
+        if count == 0 {
+            break;
+        }
+        for (place, byte) in buffer[..count].iter().enumerate() {
+            left -= u64::from(*byte == b'\n');
+            if left == 0 {
+                let rest = Cursor::new(buffer[place + 1..count].to_vec());
+                return Ok((Box::new(rest.chain(text)), bytes + place as u64 + 1));
+            }
+        }
+        bytes += count as u64;
+    }
+    Ok((text, bytes))
+}
+
 fn opening(start: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(start).replace("\r\n", "\n");
     let lines = text.strip_prefix('\u{feff}').unwrap_or(&text).split(['\n', '\r']);

@@ -8,7 +8,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use proptest::prelude::*;
 
-use super::{Column, ColumnUse, Fault, ReadColumn, Table, TableError, TableReader, format_rows};
+use super::{Column, ColumnUse, Fault, Layout, ReadColumn, Table, TableError, TableReader, format_rows};
 
 const TIME: Column = column(ColumnUse::Time);
 const NUMBER: Column = column(ColumnUse::Number);
@@ -266,4 +266,45 @@ proptest! {
             }
         }
     }
+}
+
+fn read_as(content: &[u8], layout: Layout, columns: &[Column]) -> Result<Table, TableError> {
+    TableReader::open_as(&Temporary::new(content).0, layout)?.read(columns, &mut |_, _| ControlFlow::Continue(()))
+}
+
+#[test]
+fn other_layouts_are_read_where_they_begin() {
+    let layout = Layout { separator: b';', decimal_comma: true, headings_line: 3, numbers_line: 5 };
+    let content = b"\xef\xbb\xbfan open \" quote\r\n\r\nt;p;\xb0C;\r\ns;bar;C;\r\n0,0;1,5;-2e-3;\r\n0,1;2;3,25\r\n";
+    let columns = [TIME, NUMBER, FREE, SKIP];
+    let table = read_as(content, layout.clone(), &columns).unwrap();
+    assert_eq!(numbers(&table.columns[0]), [0.0, 0.1]);
+    assert_eq!(numbers(&table.columns[1]), [1.5, 2.0]);
+    assert_eq!(numbers(&table.columns[2]), [-2e-3, 3.25]);
+    let reader = TableReader::open_as(&Temporary::new(content).0, layout.clone()).unwrap();
+    assert_eq!(reader.headings(), ["t", "p", "\u{b0}C", ""]);
+    let wrong = |text: &[u8]| read_as(&[content, text].concat(), layout.clone(), &columns).unwrap_err().to_string();
+    assert!(wrong(b"0,2;1.234,5;1;\r\n0,3;1;1;\r\n").starts_with("line 7, column 'p': found \"1.234,5\""));
+    assert!(wrong(b"0,2\n0,3;1;1\n").starts_with("line 7: found 1 fields; the headings have 4"));
+    assert!(wrong(b"0,2;1;1;;5\n0,3;1;1\n").starts_with("line 7: found 5 fields"));
+    assert!(wrong(b"0,05;1;1").starts_with("line 7, column 't': time runs backwards"));
+}
+
+#[test]
+fn empty_lines_around_lines_of_text_take_no_numbers_with_them() {
+    let columns = [TIME, NUMBER];
+    for (content, numbers_line) in [
+        (&b"a\nt;p\n\n\n0;1\n1;2\n"[..], 3),
+        (b"a\nt;p\n\ns;bar\n\n0;1\n1;2\n", 5),
+        (b"a\nt;p\ns;bar\n\nx;y\n0;1\n1;2\n", 6),
+    ] {
+        let layout = Layout { separator: b';', decimal_comma: false, headings_line: 2, numbers_line };
+        assert_eq!(numbers(&read_as(content, layout, &columns).unwrap().columns[0]), [0.0, 1.0]);
+    }
+}
+
+#[test]
+fn headings_beyond_the_end_are_an_error() {
+    let layout = Layout { headings_line: 9, numbers_line: 10, ..Layout::default() };
+    assert!(matches!(read_as(b"t\n1\n", layout, &[]).unwrap_err().fault, Fault::NoRows));
 }

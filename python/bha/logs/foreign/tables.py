@@ -64,7 +64,7 @@ def listed_table(path: Path, origin: str) -> str:
         if formats.is_parquet(source):
             formats.read_parquet(source, origin, decide, None)
         else:
-            formats.read_csv(source, origin, decide, None)
+            formats.read_text(source, origin, decide, None)
     parts = [Part(heading, "column", proposal=proposals.of_one(heading)) for heading in found if heading]
     return skeleton(path.name, parts, stamps=False)
 
