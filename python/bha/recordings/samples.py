@@ -64,7 +64,7 @@ class ChannelFacts:
         frozen: spans ``(from, to)``, s, in which it stands still although what it measures does not.
         dropouts: spans, s, in which its last reading is held far longer than usual.
         spikes: times, s, of readings that jump away and come back.
-        missing: share of rows without a value.
+        missing: share of rows without a value where one was due: between readings further apart than usual.
         repeat_noise: what the arm does otherwise each time, RMS over the channels of its kind, in that unit; 0 where no
             log repeats another.
         filled: whether rows between readings were filled in by straight lines.
@@ -114,6 +114,19 @@ def is_held(time: Array, fresh: NDArray[np.intp], values: Array, step: float) ->
     usual = float(np.median(waits))
     soon = usual <= LONGEST_HOLD and float(np.quantile(waits, 0.95)) <= 3.0 * usual + float(np.median(np.diff(time)))
     return bool(soon and np.quantile(rows, 0.25) >= 2)
+
+
+def _missed(time: Array, present: Mask) -> float:
+    """The share of rows in which a reading is missing, not just not due: a channel may be read less often than others.
+
+    Due is one where the readings before and after are more than one and a half times as far apart as usual.
+    """
+    at = time[present]
+    between = np.diff(at)
+    due = 1.5 * float(np.median(between))
+    before = np.clip(np.searchsorted(at, time, "right") - 1, 0, len(at) - 2)
+    apart = np.maximum(between[before], np.maximum(at[0] - time, time - at[-1]))
+    return float(np.mean(~present & (apart > due)))
 
 
 def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = True) -> tuple[ChannelFacts, Mask]:
@@ -172,7 +185,7 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
         interval=float(np.median(np.diff(at[readings]))) if len(readings) > 1 else 0.0,
         dropouts=tuple((float(at[a]), float(at[min(b, len(at) - 1)])) for a, b in dropped),
         spikes=tuple(float(t) for t in at[spike_rows]),
-        missing=float(np.mean(~present)),
+        missing=_missed(time, present),
         filled=chords is not None,
     )
     return facts, usable

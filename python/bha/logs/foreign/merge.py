@@ -1,7 +1,8 @@
 """One table of series that have clocks or rates of their own; nothing is resampled.
 
-There is a row for each moment at which anything was measured. What drives the arm (pressures, forces) has its last
-value there, as a sensor that holds it would; everything else has a gap, NaN, unless it was measured just then.
+There is a row for each moment at which anything was measured. What drives the arm must be known there: a command holds
+its last value; measured pressures and forces lie on the straight line between their samples, as all readers of a log
+take them anyway. Everything else has a gap, NaN, unless it was measured just then.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from bha.errors import LogError
 from bha.logs.foreign.series import Array, Said, Series
 from bha.logs.headings import named
 
-_HELD = ("pressure", "commanded_pressure", "force")
+_HELD, _BETWEEN = ("commanded_pressure",), ("pressure", "force")
 
 
-def is_held(heading: str) -> bool:
-    """Whether a column has its last value where it was not measured, instead of a gap."""
-    return _kind(heading) in _HELD
+def is_drive(heading: str) -> bool:
+    """Whether a column drives the arm, so that it must be known in every row."""
+    return _kind(heading) in (*_HELD, *_BETWEEN)
 
 
 def _kind(heading: str) -> str | None:
@@ -56,16 +57,20 @@ def merged(origin: str, series: Sequence[Series], said: Said) -> tuple[dict[str,
         held = np.maximum.accumulate(at_row)[kept]
         exact = at_row[kept]
         for heading, values in one.columns.items():
-            if is_held(heading):
+            kind = _kind(heading)
+            if kind in _HELD:
                 columns[heading] = values[held]
+            elif kind in _BETWEEN:
+                columns[heading] = np.interp(time[kept] - time[0], one.time - time[0], values)
             else:
                 columns[heading] = np.where(exact >= 0, values[exact], np.nan)
                 gaps |= bool((exact < 0).any())
     rates = ", ".join(f"{one.source} ({len(one.time)})" for one in series[:6])
     text = f"{len(series)} series with times of their own became {len(rows)} rows: {rates}"
-    held_names = [named(h)[0] for one in series for h in one.columns if is_held(h)]
-    if held_names:
-        text += f"; {', '.join(held_names[:6])}{' ...' if len(held_names) > 6 else ''} hold their last values"
+    for kinds, how in ((_BETWEEN, "lie on straight lines between their samples"), (_HELD, "hold their last values")):
+        listed = [named(h)[0] for one in series for h in one.columns if _kind(h) in kinds]
+        if listed:
+            text += f"; {', '.join(listed[:6])}{' ...' if len(listed) > 6 else ''} {how}"
     said.notes.append(text + ("; everything else has gaps where it was not measured" if gaps else ""))
     ordered = {h: columns[h] for one in series for h in one.columns}
     return {names.column(names.TIME, "s"): _seconds(time[kept], said), **ordered}, gaps
@@ -110,15 +115,14 @@ def _union(times: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], list[NDArray[np
 def _known(origin: str, series: Sequence[Series], time: NDArray[Any], said: Said) -> tuple[Any, Any]:
     """First and last moment at which all that is held is known.
 
-    A command holds until the next one; a measurement for as long as the longest pause between two of its kind.
+    A command holds until the next one; nothing is known of a pressure after its last measurement.
     """
-    drives = [one for one in series if any(map(is_held, one.columns))]
+    drives = [one for one in series if any(map(is_drive, one.columns))]
     if not drives:
         return time[0], time[-1]
     first = max(one.time[0] for one in drives)
-    read = [one for one in drives if any(_kind(heading) == "pressure" for heading in one.columns)]
-    ends = [one.time[-1] + (np.diff(one.time).max() if len(one.time) > 1 else 0) for one in read]
-    last = min([*ends, time[-1]])
+    read = [one.time[-1] for one in drives if any(_kind(heading) in _BETWEEN for heading in one.columns)]
+    last = min([*read, time[-1]])
     if first > last:
         raise LogError(
             f"{origin}: {' and '.join(one.source for one in drives)} were never measured together; were their clocks "

@@ -12,7 +12,7 @@ from bha.errors import LogError
 from bha.logs.foreign import arrays_of, bags, hdf5, matlab
 from bha.logs.foreign.kinds import Kind
 from bha.logs.foreign.mapping import MappingFile
-from bha.logs.foreign.merge import is_held, merged
+from bha.logs.foreign.merge import is_drive, merged
 from bha.logs.foreign.series import Array, Foreign, Part, Said
 from bha.logs.foreign.skeleton import skeleton
 from bha.logs.formats import Progress
@@ -80,13 +80,13 @@ def _check_samples(origin: str, found: Foreign, missing: bool) -> None:
     """A sample that is no number is an error where it stands, before gaps are made that look the same."""
     for series in found.series:
         for heading, values in series.columns.items():
-            unfit = np.isinf(values) if missing and not is_held(heading) else ~np.isfinite(values)
+            unfit = np.isinf(values) if missing and not is_drive(heading) else ~np.isfinite(values)
             if unfit.any():
                 row = int(np.argmax(unfit))
                 advice = "remove it from the recording"
                 if np.isnan(values[row]):
                     advice = "pressures and forces drive the arm and may not be missing"
-                    if not is_held(heading):
+                    if not is_drive(heading):
                         advice = "take such samples as missing (--missing; in Python missing=True)"
                 raise LogError(
                     f"{origin}: {series.source}, sample {row + 1}, column '{heading}': found {values[row]}; {advice}"
