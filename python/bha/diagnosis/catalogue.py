@@ -3,7 +3,7 @@
 What: one :class:`KindPlan` a kind. Kinds, places and the ranges of the numbers come from the core's registry; here is
 only what a search needs beside it: which numbers the outputs are linear in (strengths), on which grid those that do not
 exist without the effect are tried (shapes: time constants, yields, wall places), and what is plausible.
-Source: kinds and forms `rust/src/effects/kinds`; magnitudes as in `docs/guides/diagnosis.md`.
+Source: kinds and forms `rust/src/effects/kinds`; magnitudes as in `docs/explanation/diagnosis.md`.
 Convention: a *probe* is an effect at small strength; its signature is the change of the outputs per unit of strength.
 """
 

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Thresholds of the verdict; measured on tuning seeds, see docs/guides/diagnosis.md.
+    """Thresholds of the verdict; measured on tuning seeds, see docs/explanation/diagnosis.md.
 
     Attributes:
         deviations: standard deviations that the mean square has to lie above its expectation.

@@ -2,7 +2,7 @@
 
 What: the search over sets of effects. A held-out gate at each forward step would refuse a true first effect while
 others are still missing, so the gates come last.
-Source: rules as measured on simulated arms (docs/guides/diagnosis.md); Wilcoxon 1945, Schwarz 1978.
+Source: rules as measured on simulated arms (docs/explanation/diagnosis.md); Wilcoxon 1945, Schwarz 1978.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ KIN = {"hysteresis": "friction", "friction": "hysteresis"}
 
 @dataclass(frozen=True)
 class Rules:
-    """Thresholds of the search; measured on tuning seeds, see docs/guides/diagnosis.md.
+    """Thresholds of the search; measured on tuning seeds, see docs/explanation/diagnosis.md.
 
     Attributes:
         most: most effects.
