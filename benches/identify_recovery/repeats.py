@@ -72,7 +72,10 @@ def run(store: Path, conditions: Iterable[Condition], seeds: range, **options: A
     have = {(line["condition"], line["seed"]) for line in read(store)}
     chosen = list(conditions)
     store.parent.mkdir(parents=True, exist_ok=True)
+    cut = store.exists() and not store.read_text().endswith("\n")
     with store.open("a") as file:
+        if cut:
+            file.write("\n")
         for seed in seeds:
             for condition in chosen:
                 if (condition.name, seed) not in have:
