@@ -136,8 +136,8 @@ def read_text(path: Path, origin: str, plan: Plan, progress: Progress | None) ->
         columns.extend(plan(headings, opening) if layout is None else plan(layout.headings(headings), ()))
         return [_core.TableColumn(c.used, c.least, c.hint, c.missing, c.absent) for c in columns]
 
-    stated = None if layout is None else layout.for_core
-    table = _core.read_table(os.fspath(path), core_plan, progress, origin, stated)
+    how = {} if layout is None else {"layout": layout.for_core}
+    table = _core.read_table(os.fspath(path), core_plan, progress, origin, **how)
     found = [
         f"line {entry.line}: '{entry.text}' is not a number" if isinstance(entry, _core.TextFound) else entry
         for entry in table.columns
