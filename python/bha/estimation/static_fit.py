@@ -18,6 +18,7 @@ from bha.arm import Arm
 from bha.errors import ConvergenceError, InputError, ParameterError
 from bha.estimation.conditions import check_apart, conditioned
 from bha.estimation.free import Coordinate, FreeParameter, apply, resolve
+from bha.estimation.held import held_poses
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters
 from bha.recordings import Observation
@@ -168,16 +169,8 @@ class _Poses:
                 found.append(error)
                 continue
             shown = Observation.of(arm.parameters, rec.observation.outputs)
-            poses = np.full((len(rows), 3 * arm.section_count), np.nan)
-            starts, before = self._last[k], None
-            for i, pressure in enumerate(self._pressures[k]):
-                start = starts[i] if starts is not None and np.all(np.isfinite(starts[i])) else before
-                try:
-                    poses[i] = arm.static_lengths(pressure, start=start)
-                except ConvergenceError:
-                    before = None
-                    continue
-                before = poses[i]
+            poses = held_poses(arm, self._pressures[k], near=self._last[k])
+            for i in np.flatnonzero(np.isfinite(poses[:, 0])):
                 error[i] = rec.measured[rows[i]] - shown.at(arm, poses[i])[0]
             if remember:
                 self._last[k] = poses
