@@ -7,7 +7,7 @@ stand in FOLDER's results and are not done again.
 
     python -m benches.real_arm --data FOLDER [--out FOLDER] [--model file --model ridge ...]
 
-The logs are those that docs/guides/identification.md names; without them there is nothing to do.
+The logs are those that docs/explanation/estimation.md names; without them there is nothing to do.
 
 Models: ``paper`` is the fit of examples/identify_real_arm.py (poses, then output error; nothing beyond the paper's
 model), ``defaults`` is ``bha.identify`` from the shipped guess as it stands, ``ridge`` the black box, ``guess`` the
