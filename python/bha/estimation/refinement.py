@@ -45,6 +45,8 @@ _SETTLED = 0.05
 _SHORT_BUDGET = 20.0
 #: Windows in which noises are estimated last at least this long, s, and no longer than logs.
 _NOISE_WINDOW = 30.0
+#: Variance of a coordinate above which output error does not tell a parameter: one half.
+_TOLD = 0.25
 #: Most steps by which the shift of pressure noise is taken off.
 _CORRECTIONS = 4
 
@@ -277,6 +279,12 @@ def _with_noises(problem: Problem, outcome: Outcome, settings: Settings, pace: P
     if not (wanted and outcome.converged):
         return None
     assert settings.windows is not None
+    if settings.draws and is_noisy(problem):
+        # Where the noise of the pressures passes for excitation, innovations would take it for knowledge.
+        known = corrected(problem, outcome.point, problem.normal(outcome.point), seed=settings.seed).information
+        values, vectors = np.linalg.eigh(0.5 * (known + known.T))
+        if np.any(np.sum(vectors**2 / np.maximum(values, 1e-12 * values[-1]), axis=1) > _TOLD):
+            return None
     pace.last("noises")
     length = None if settings.windows[-1] is None else max(settings.windows[-1], _NOISE_WINDOW)
     point = outcome.point
