@@ -20,7 +20,8 @@ def name_columns(body: str) -> str:
         headings = [cell.get_text(" ", strip=True) for cell in table.select("thead tr:last-child > th")]
         for row in table.select("tbody > tr"):
             for cell, heading in zip(row.find_all(["td", "th"], recursive=False), headings, strict=False):
-                cell["data-heading"] = heading
+                if cell.get_text(strip=True) or cell.img:  # an empty cell has nothing to be headed
+                    cell["data-heading"] = heading
     return str(soup)
 
 
