@@ -281,7 +281,7 @@ def _with_noises(problem: Problem, outcome: Outcome, settings: Settings, pace: P
     assert settings.windows is not None
     if settings.draws and is_noisy(problem):
         # Where the noise of the pressures passes for excitation, innovations would take it for knowledge.
-        known = corrected(problem, outcome.point, problem.normal(outcome.point), seed=settings.seed).information
+        known = _without_pressure_noise(problem, outcome, settings)[2].information
         values, vectors = np.linalg.eigh(0.5 * (known + known.T))
         if np.any(np.sum(vectors**2 / np.maximum(values, 1e-12 * values[-1]), axis=1) > _TOLD):
             return None
