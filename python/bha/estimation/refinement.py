@@ -279,16 +279,16 @@ def _with_noises(problem: Problem, outcome: Outcome, settings: Settings, pace: P
     if not (wanted and outcome.converged):
         return None
     assert settings.windows is not None
-    if settings.draws and is_noisy(problem):
-        # Where the noise of the pressures passes for excitation, innovations would take it for knowledge.
-        known = _without_pressure_noise(problem, outcome, settings)[2].information
-        values, vectors = np.linalg.eigh(0.5 * (known + known.T))
-        if np.any(np.sum(vectors**2 / np.maximum(values, 1e-12 * values[-1]), axis=1) > _TOLD):
-            return None
     pace.last("noises")
     length = None if settings.windows[-1] is None else max(settings.windows[-1], _NOISE_WINDOW)
     point = outcome.point
     try:
+        if settings.draws and is_noisy(problem):
+            # Where the noise of the pressures passes for excitation, innovations would take it for knowledge.
+            known = _without_pressure_noise(problem, outcome, settings)[2].information
+            values, vectors = np.linalg.eigh(0.5 * (known + known.T))
+            if np.any(np.sum(vectors**2 / np.maximum(values, 1e-12 * values[-1]), axis=1) > _TOLD):
+                return None
         long = _stage_problem(problem.model, point.z, problem.prior, length, settings)
         start = Point(point.z, long.guesses)
         if not np.isfinite(long.evaluated(start.z, start.states).cost):
