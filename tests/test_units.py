@@ -45,6 +45,7 @@ def test_factors(unit: str, si: str, factor: float) -> None:
         ("__import__('os')", "m", "is not known"),
         ("m" * 1000, "m", "is not known"),
         ("m/(s", "m/s", "is not known"),
+        ("deg", "1", "unit 'deg' does not fit"),
     ],
 )
 def test_what_is_no_unit_of_the_quantity(unit: str, si: str, expected: str) -> None:

@@ -57,9 +57,14 @@ def factor_to_si(unit: str, si: str) -> float:
     if found is None:
         raise UnitError(f"unit '{unit}' is not known; expected {EXAMPLES[si]}{_did_you_mean(unit, si, guess=True)}")
     wanted = _registry().Unit("dimensionless" if si == "1" else si)
-    if found.dimensionality != wanted.dimensionality:
+    if found.dimensionality != wanted.dimensionality or _is_angle(found) is not _is_angle(wanted):
         raise UnitError(f"unit '{unit}' does not fit; expected {EXAMPLES[si]}{_did_you_mean(unit, si, guess=False)}")
     return float(_registry().Quantity(1.0, found).to(wanted).magnitude)
+
+
+def _is_angle(unit: Any) -> bool:
+    """Whether a unit is one of angle, which has no dimension and yet is no plain number."""
+    return "radian" in str(_registry().Quantity(1.0, unit).to_root_units().units) and unit.dimensionless
 
 
 def measures(unit: str, si: str) -> bool:
