@@ -290,14 +290,7 @@ def spread_of_sizes(likelihood: Likelihood, found: Found) -> Array:
     averaged over two points along each axis of it (the unscented rule, exact to third order).
     """
     center, count = found.vector, len(found.vector)
-
-    def value(vector: Array) -> float:
-        return _value(likelihood, found.shape, vector)
-
-    curvature = _curvature(value, center)
-    values, axes = np.linalg.eigh(0.5 * curvature)
-    # A direction that the likelihood does not tell is as wide as the priors of times are.
-    sizes = 1.0 / np.sqrt(np.maximum(values, 1.0 / 1.5**2))
+    sizes, axes = _axes(likelihood, found)
     bounds = np.array(found.shape.bounds())
     steps, covariances = [], []
     for size, axis in zip(sizes, axes.T, strict=True):
@@ -308,6 +301,26 @@ def spread_of_sizes(likelihood: Likelihood, found: Found) -> Array:
             covariances.append(judged.covariance)
     moved = np.array(steps) - found.judged.step
     return np.asarray(np.mean(covariances, axis=0) + moved.T @ moved / len(moved))
+
+
+def most_logged(likelihood: Likelihood, found: Found) -> float:
+    """Factor on the records' noise of the logged pressures that is greater than the true one, at 95 %.
+
+    Readings that tell their own noise are believed: then it is one.
+    """
+    if not found.shape.logged or found.shape.logged < _LOGGED_DOUBT:
+        return 1.0
+    sizes, axes = _axes(likelihood, found)
+    deviation = float(np.sqrt(np.sum((axes[-1] * sizes) ** 2)))
+    return float(np.exp(min(found.vector[-1] + 1.645 * deviation, found.shape.bounds()[-1][1])))
+
+
+def _axes(likelihood: Likelihood, found: Found) -> tuple[Array, Array]:
+    """Standard deviations of the sizes' logarithms along the axes of the likelihood, shape (s,), and these, (s, s)."""
+    curvature = _curvature(lambda vector: _value(likelihood, found.shape, vector), found.vector)
+    values, axes = np.linalg.eigh(0.5 * curvature)
+    # A direction that the likelihood does not tell is as wide as the priors of times are.
+    return 1.0 / np.sqrt(np.maximum(values, 1.0 / 1.5**2)), axes
 
 
 def base_of(rec: Record, residual: Array, usable: NDArray[np.bool_]) -> Array:

@@ -25,6 +25,7 @@ from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.initial import guess_state
 from bha.estimation.integration import choose_integration, too_coarse
+from bha.estimation.noise_fit import most_logged
 from bha.estimation.pace import Pace, Progress
 from bha.estimation.pressure_noise import PAIRS, Corrected, corrected, is_noisy, uncorrected
 from bha.estimation.records import Record, Window, some_of, windows
@@ -283,20 +284,39 @@ def _with_noises(problem: Problem, outcome: Outcome, settings: Settings, pace: P
     length = None if settings.windows[-1] is None else max(settings.windows[-1], _NOISE_WINDOW)
     point = outcome.point
     try:
-        if settings.draws and is_noisy(problem):
-            # Where the noise of the pressures passes for excitation, innovations would take it for knowledge.
-            known = _without_pressure_noise(problem, outcome, settings)[2].information
-            values, vectors = np.linalg.eigh(0.5 * (known + known.T))
-            if np.any(np.sum(vectors**2 / np.maximum(values, 1e-12 * values[-1]), axis=1) > _TOLD):
-                return None
         long = _stage_problem(problem.model, point.z, problem.prior, length, settings)
         start = Point(point.z, long.guesses)
         if not np.isfinite(long.evaluated(start.z, start.states).cost):
             # An arm near the edge of stability is followed in short windows only.
             long, start = problem, point
-        return fit_with_noise(long, start, max_iterations=settings.max_iterations, tolerance=_TOLERANCE)
+        found = fit_with_noise(long, start, max_iterations=settings.max_iterations, tolerance=_TOLERANCE)
+        return found if _tells(problem, outcome, found, settings) else None
     except (ConvergenceError, np.linalg.LinAlgError):
         return None
+
+
+def _tells(problem: Problem, outcome: Outcome, found: Disturbed, settings: Settings) -> bool:
+    """Whether output error tells every parameter, under as much noise of the logged pressures as there may be.
+
+    Where that noise passes for excitation, innovations take it for knowledge. What differences of readings say of it
+    would not do for sparse logs: at 10 Hz they take motion for noise, of the input that moves least the least.
+    """
+    most = most_logged(found.likelihood, found.found)
+    records = tuple(
+        rec.with_pressure_noise(most * np.minimum(rec.pressure_noise, _least(rec))) for rec in problem.model.records
+    )
+    problem = replace(problem, model=replace(problem.model, records=records))
+    if not (settings.draws and is_noisy(problem)):
+        return True
+    known = _without_pressure_noise(problem, outcome, settings)[2].information
+    values, vectors = np.linalg.eigh(0.5 * (known + known.T))
+    return bool(np.all(np.sum(vectors**2 / np.maximum(values, 1e-12 * values[-1]), axis=1) <= _TOLD))
+
+
+def _least(rec: Record) -> float:
+    """Least noise of a logged pressure that has some, Pa: the inputs of an arm have sensors of one sort."""
+    noisy = rec.pressure_noise[rec.pressure_noise > 0.0]
+    return float(np.min(noisy)) if len(noisy) else 0.0
 
 
 def _is_for_noises(model: Model) -> bool:
