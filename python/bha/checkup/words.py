@@ -189,8 +189,8 @@ def _camera(cause: Cause, camera: Array, base: Array) -> Explanation:
     seen = turned(turn, mirrored=cause.mirrored)
     axes = base @ seen.T @ camera
     whole = np.round(axes)
-    what = f"camera mirrored (and turned by {np.degrees(turn):.0f} deg)" if cause.mirrored else (
-        f"camera turned by {np.degrees(turn):.0f} deg about the arm's axis"
+    what = f"camera mirrored (and turned by {round(float(np.degrees(turn)))} deg)" if cause.mirrored else (
+        f"camera turned by {round(float(np.degrees(turn)))} deg about the arm's axis"
     )  # fmt: skip
     if np.allclose(axes, whole, atol=0.2) and abs(abs(np.linalg.det(whole)) - 1.0) < 1e-9:
         return Explanation(what, f"[sensors] camera_axes = {axes_text(whole)}", camera_mend(whole, None))
@@ -293,7 +293,7 @@ def _headline(top: Cause, layout: Layout) -> str:
         return "length sensors do not move as their places say"
     if top.kind == "camera":
         return "all heads move " + (
-            "in a mirrored frame" if top.mirrored else f"turned by {np.degrees(top.turns[0]):.0f} deg"
+            "in a mirrored frame" if top.mirrored else f"turned by {round(float(np.degrees(top.turns[0])))} deg"
         )
     if top.kind == "azimuth":
         parts = " and ".join(f"{np.degrees(a):.0f} deg" for a in top.turns)
