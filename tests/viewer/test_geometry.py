@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import bha
+from bha.arm.bodies import bellows_lines, centre_line, up_direction
 from bha.parameters import ArmParameters
-from bha.viewer.geometry import centre_line, layout_of, picture, up_direction
+from bha.viewer.geometry import layout_of, picture
 from bha.viewer.solids import Mesh, ball, convolution, cylinder, together
 
 NAMES = bha.robots.names()
@@ -107,7 +108,7 @@ def test_heads_and_plates_stand_where_the_core_has_them(name: str) -> None:
     np.testing.assert_array_equal(drawn.head_rotations, rotations)
     # The last body of a section ends at its head, or half a plate beyond where the plate is the last.
     for section in layout.sections:
-        turns, origins = centre_line(arm, section, q)
+        turns, origins = centre_line(arm, section.number, q, len(section.spread))
         head = origins[-1] + section.head_offset * turns[-1][:, 2]
         np.testing.assert_allclose(head, heads[section.number - 1], atol=1e-12)
     last, tip = drawn.plates, layout.sections[-1]
@@ -195,3 +196,13 @@ def test_solids_are_placed_by_scale_turn_and_move() -> None:
     by_hand = plates.positions[2] + plates.rotations[2] @ (plates.scales[2] * cylinder().vertices[5])
     np.testing.assert_allclose(placed[2, 5], by_hand)
     assert len(together([plates, plates])) == 2 * len(plates)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_lines_of_bellows_are_as_long_as_the_bellows(name: str) -> None:
+    arm = bha.robots.load(name)
+    q = bent(arm)
+    for number, (_, lengths) in enumerate(angles_and_lengths(arm, q), start=1):
+        lines = bellows_lines(arm, number, q, 200)
+        along = np.linalg.norm(np.diff(lines, axis=1), axis=-1).sum(axis=1)
+        assert along == pytest.approx(lengths, rel=1e-4)

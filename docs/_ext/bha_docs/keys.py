@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -109,14 +110,14 @@ def markdown(headings: Sequence[str], rows: Iterator[list[str]]) -> list[str]:
     return [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|", *lines]
 
 
-class GeneratedTable(SphinxDirective):
+class GeneratedTable(SphinxDirective, ABC):
     """A directive that stands for a table in Markdown."""
 
     has_content = True
 
+    @abstractmethod
     def lines(self) -> list[str]:
         """The table."""
-        raise NotImplementedError
 
     def run(self) -> list[nodes.Node]:
         """The table, parsed as if it stood in the page."""

@@ -172,16 +172,21 @@ def repaired(arm: Arm, made: Sequence[Recording]) -> Checkup:
     tried: set[str] = set()
     for _ in range(MOST_REPAIRS):
         fault = next((f for f in found.faults if _mend(f) is not None and f.what not in tried), None)
-        if fault is None:
+        mend = None if fault is None else _mend(fault)
+        if fault is None or mend is None:
             break
         tried.add(fault.what)
-        mend = _mend(fault)
-        assert mend is not None
-        sort = found.recordings[0].pressures.sort
-        logs = [mended_log(r.log, mend) if mend.of_log and fault.concerns(r.name) else r.log for r in found.recordings]
-        named = {id(log): r.name for log, r in zip(logs, found.recordings, strict=True)}
         arm = arm if mend.of_log else mended_arm(arm, mend)
-        again = [Recording(arm, log, pressures=sort, name=named[id(log)], warn=False) for log in logs]
+        again = [
+            Recording(
+                arm,
+                mended_log(r.log, mend) if mend.of_log and fault.concerns(r.name) else r.log,
+                pressures=r.pressures.sort,
+                name=r.name,
+                warn=False,
+            )
+            for r in found.recordings
+        ]
         first, *others = fault.explanations
         done.append(in_words(first.what, [e.what for e in others], fault.where))
         found = check_recordings(arm, again)

@@ -73,6 +73,11 @@ class Finding:
         for split in self.splits:
             yield f"  to tell them apart: {split}"
 
+    def in_a_line(self) -> str:
+        """The finding with what mends it, without its evidence."""
+        causes = " or ".join(f"{e.what} (repair: {e.repair})" for e in self.explanations)
+        return f"{self.where}: {self.what}" + (f": {causes}" if causes else "")
+
     def __str__(self) -> str:
         """The finding as text."""
         return "\n".join(self.lines())

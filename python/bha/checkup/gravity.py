@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from bha.checkup.finding import Explanation, Finding, Severity
 from bha.checkup.mend import Mend
-from bha.checkup.ranges import BELIEVED, inside
+from bha.checkup.ranges import BELIEVED, gauge_mistake, inside
 from bha.checkup.seen import Seen
 from bha.checkup.wiring import LEAST_BALANCE, Evidence, Key, balance, explained
 from bha.errors import BhaError
@@ -136,17 +136,6 @@ def sort_of_pressure_findings(
     span = float(np.min(np.ptp([s.length_range for s in arm.parameters.sections], axis=1)))
     if not (flipped < as_filed / SORT_BETTER and as_filed > LEAST_MISSED * span):
         return []
-    said = (
-        "absolute pressure with a heading that says gauge pressure"
-        if is_gauge.all()
-        else "gauge pressure without (g) in its heading"
-    )
-    shown = ", ".join(columns[:3])
-    repair = (
-        f"leave (g) out of the headings of {shown}: '{columns[0]} [kPa]'"
-        if is_gauge.all()
-        else f"write (g) behind the unit of {shown}, as in '{columns[0]} [kPa(g)]'"
-    )
     missed = f"{1e3 * as_filed:.3g} mm RMS" if np.isfinite(as_filed) else "no pose that it could hold"
     evidence = f"poses are missed by {missed} as the headings are, by {1e3 * flipped:.3g} mm the other way"
     numbers = {"error_as_filed": as_filed, "error_other": flipped}
@@ -158,7 +147,7 @@ def sort_of_pressure_findings(
             "pressures are not what their headings say",
             evidence,
             numbers,
-            (Explanation(said, repair, Mend(gauge=not is_gauge.all(), pressures=tuple(columns))),),
+            (gauge_mistake(columns, is_gauge),),
         )
     ]
 

@@ -123,14 +123,7 @@ def _heading_mistakes(
     flipped = raw + np.where(is_gauge, 0.0, ambient)
     found: list[tuple[bool, Explanation]] = []
     if inside(flipped, ranges) > BELIEVED:
-        if is_gauge.any():
-            what = "absolute pressure with a heading that says gauge pressure"
-            repair = f"leave (g) out of the headings of {shown}: '{shown.split(',', maxsplit=1)[0]} [kPa]'"
-        else:
-            what = "gauge pressure without (g) in its heading"
-            repair = f"write (g) behind the unit of {shown}, as in '{shown.split(',', maxsplit=1)[0]} [kPa(g)]'"
-        mend = _sorted_mend(columns, is_gauge)
-        found.append((_spread(flipped, ranges) > LEAST_SPREAD, Explanation(what, repair, mend)))
+        found.append((_spread(flipped, ranges) > LEAST_SPREAD, gauge_mistake(columns, is_gauge, shown)))
     for flip in (False, True):
         if flip and found:
             break
@@ -156,6 +149,18 @@ def _heading_mistakes(
     return tuple(explanation for _, explanation in sorted(found, key=lambda entry: not entry[0]))
 
 
+def gauge_mistake(columns: Sequence[str], is_gauge: NDArray[np.bool_], shown: str | None = None) -> Explanation:
+    """Gauge pressures without (g) in their headings, or absolute ones with it; the columns as ``shown``."""
+    shown = shown or ", ".join(columns[:3])
+    if is_gauge.any():
+        what = "absolute pressure with a heading that says gauge pressure"
+        repair = f"leave (g) out of the headings of {shown}: '{columns[0]} [kPa]'"
+    else:
+        what = "gauge pressure without (g) in its heading"
+        repair = f"write (g) behind the unit of {shown}, as in '{columns[0]} [kPa(g)]'"
+    return Explanation(what, repair, _sorted_mend(columns, is_gauge))
+
+
 def _sorted_mend(columns: Sequence[str], is_gauge: NDArray[np.bool_]) -> Mend | None:
     """Gauge for absolute pressures or the reverse; none where the columns are of both sorts."""
     return Mend(gauge=not is_gauge.all(), pressures=tuple(columns)) if len(set(is_gauge.tolist())) == 1 else None
@@ -178,12 +183,11 @@ def _vacuum(
     if min(least, single) >= VACUUM * ambient or inside(pressures + ambient, ranges, 0.5) < 0.5:
         return None
     severity: Severity = "fault" if single < ranges[:, 0].min() - TOLERANCE * ambient else "warning"
-    repair = f"write (g) behind the unit of {', '.join(columns[:3])}, as in '{columns[0]} [kPa(g)]'"
     what = f"absolute pressures of {_kilo(single)} kPa would be a vacuum that no bellows arm has"
     return (
         severity,
         what,
-        (Explanation("gauge pressure without (g) in its heading", repair, Mend(gauge=True, pressures=tuple(columns))),),
+        (gauge_mistake(columns, is_gauge),),
     )
 
 
@@ -196,15 +200,8 @@ def _never_vented(
     least = float(np.nanmin(pressures)) - ambient
     if not 0.6 * ambient <= least <= 1.1 * ambient or inside(pressures - ambient, ranges) < BELIEVED:
         return None
-    repair = f"leave (g) out of the headings of {', '.join(columns[:3])}: '{columns[0]} [kPa]'"
     what = f"gauge pressures never come below {_kilo(least)} kPa, about ambient pressure"
-    return what, (
-        Explanation(
-            "absolute pressure with a heading that says gauge pressure",
-            repair,
-            Mend(gauge=False, pressures=tuple(columns)),
-        ),
-    )
+    return what, (gauge_mistake(columns, is_gauge),)
 
 
 def length_findings(ranges: Array, name: str, columns: Sequence[str], time: Array, lengths: Array) -> list[Finding]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
+from bha.arm.bodies import bellows_lines, up_direction
 from bha.diagnosis.figures import AFTER, BEFORE, MEASURED, NOISE
 from bha.errors import BhaError
 from bha.parameters import Place
@@ -148,19 +149,10 @@ def _bellows(arm: Arm) -> list[tuple[ResolvedBellows, ...]]:
 
 
 def _curves(arm: Arm, lengths: Array, places: Sequence[tuple[int, int]]) -> Array:
-    """Centre lines of bellows one after the other, m, rows of NaN between them."""
-    curves = [np.full((1, 3), np.nan)]
-    bellows = _bellows(arm)
-    for i, k in places:
-        one = bellows[i][k]
-        offset = (one.radius * math.cos(one.angle), one.radius * math.sin(one.angle), 0.0)
-        curves += [
-            np.array(
-                [arm.point_pose(lengths, i + 1, fraction, offset)[1] for fraction in np.linspace(0.0, 1.0, POINTS)]
-            ),
-            np.full((1, 3), np.nan),
-        ]
-    return np.concatenate(curves)
+    """Middles of bellows one after the other, m, rows of NaN between them."""
+    nothing = np.full((1, 3), np.nan)
+    lines = {i: bellows_lines(arm, i + 1, lengths, POINTS - 1) for i in {i for i, _ in places}}
+    return np.concatenate([nothing, *(part for i, k in places for part in (lines[i][k], nothing))])
 
 
 def _measured(arm: Arm, record: Record, outputs: Array, camera: CameraFrame, base: Array) -> Array:
@@ -189,8 +181,7 @@ def _xyz(points: Array) -> dict[str, list[float | None]]:
 
 def _scene(figure: Any, arm: Arm, points: Array) -> None:
     """Equal axes that hold every frame, with what is up in space at the top."""
-    gravity = np.asarray(arm.parameters.gravity, dtype=np.float64)
-    up = -gravity / np.linalg.norm(gravity) if np.any(gravity) else np.array([0.0, 0.0, 1.0])
+    up = up_direction(arm)
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     least = 0.5 * float(np.max(high - low))
     middle, half = 0.5 * (low + high), 0.55 * np.maximum(high - low, least)

@@ -233,23 +233,26 @@ def _alternative(trial: Trial, number: int) -> Alternative:
     """An effect of a trial in place of a named one, with its numbers as they were refitted; without intervals."""
     candidate, term = trial.candidates[number], trial.fit.model.effects[number]
     values = term.parameters([float(v) for v in trial.fit.x[trial.fit.model.place(number)]])
-    units = core_ranges()
-    numbers = {name: Number(value=value, unit=units(term.kind, name)[0]) for name, value in values.items()}
-    return Alternative(kind=candidate.kind, where=candidate.where, parameters=numbers)
+    return _with_numbers(candidate.kind, candidate.where, values)
 
 
 def _promised(entry: excitation.Best | None, kind: str, where: str) -> Alternative:
     """An effect that was not refitted, with the numbers that the screening promises it."""
     if entry is None:
         return Alternative(kind=kind, where=where)
-    units = core_ranges()
-    term, start = entry.scored.candidate.term(entry.scored.strengths, units)
+    term, start = entry.scored.candidate.term(entry.scored.strengths, core_ranges())
     strengths = dict(zip((s.name for s in entry.scored.candidate.plan.strengths), entry.scored.strengths, strict=False))
     x = [
         c.coordinate(strengths[str(c.path[-1])]) if str(c.path[-1]) in strengths else v
         for c, v in zip(term.coordinates, start, strict=True)
     ]
-    numbers = {name: Number(value=v, unit=units(kind, name)[0]) for name, v in term.parameters(x).items()}
+    return _with_numbers(kind, where, term.parameters(x))
+
+
+def _with_numbers(kind: str, where: str, values: Mapping[str, float]) -> Alternative:
+    """An alternative with its numbers in the units of the registry, without intervals."""
+    units = core_ranges()
+    numbers = {name: Number(value=value, unit=units(kind, name)[0]) for name, value in values.items()}
     return Alternative(kind=kind, where=where, parameters=numbers)
 
 

@@ -133,8 +133,8 @@ def apart(
         changed = zero.copy()
         changed[k] = CHANGE
         varied.append(Arm(apply(members[0].parameters, coordinates, changed)))
-    for member in members:
-        varied += _stronger(member)
+    stronger = [_stronger(member) for member in members]
+    varied += [arm for arms in stronger for arm in arms]
     rows = np.arange(0.0, time[-1], 1.0 / ROWS)
     drive = Input(time, pressures)
     arms = [*members, *varied]
@@ -158,10 +158,9 @@ def apart(
     base, sensitivities = outputs[: len(members)], outputs[len(members) :]
     columns = [sensitivities[k] - base[0] for k in range(len(coordinates))]
     place = len(coordinates)
-    for k, member in enumerate(members):
-        count = len(_stronger(member))
-        columns += [sensitivities[place + j] - base[k] for j in range(count)]
-        place += count
+    for own, more in zip(base, stronger, strict=True):
+        columns += [sensitivities[place + j] - own for j in range(len(more))]
+        place += len(more)
     taken = np.array(columns).T
     taken = taken / np.maximum(np.linalg.norm(taken, axis=0), 1e-300)
     orthonormal, triangle = np.linalg.qr(taken)

@@ -207,17 +207,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         tolerance,
     )
     if verdict.verdict == "setup":
-        diagnosis = diagnosis.model_copy(update={"setup": [*map(_in_a_line, faults), *diagnosis.setup]})
+        diagnosis = diagnosis.model_copy(update={"setup": [*(fault.in_a_line() for fault in faults), *diagnosis.setup]})
     if state.complete:
         cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
     return Investigation(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
-
-
-def _in_a_line(fault: Finding) -> str:
-    """A fault with what mends it."""
-    causes = " or ".join(f"{e.what} (repair: {e.repair})" for e in fault.explanations)
-    return f"{fault.where}: {fault.what}" + (f": {causes}" if causes else "")
 
 
 def _records(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,17 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.estimation.initial import pose
 from bha.estimation.noise import Linear, Noise, poses_along, ways_of
-from bha.estimation.noise_fit import Found, Likelihood, Piece, base_of, clipped, find, is_dense
+from bha.estimation.noise_fit import (
+    Found,
+    Likelihood,
+    Piece,
+    axes_of_sizes,
+    base_of,
+    clipped,
+    find,
+    is_dense,
+    most_logged,
+)
 from bha.estimation.records import Record
 from bha.estimation.solver import Outcome, Point, Problem, solve
 
@@ -43,6 +54,18 @@ class Disturbed:
     outcome: Outcome
     found: Found
     likelihood: Likelihood
+
+    @cached_property
+    def axes_of_sizes(self) -> tuple[Array, Array]:
+        """How well the sizes are known, along the axes of their likelihood; found once, by some dozen filters."""
+        return axes_of_sizes(self.likelihood, self.found)
+
+    def most_logged(self) -> float:
+        """Factor on the records' noise of the logged pressures that is greater than the true one, at 95 %.
+
+        Readings that tell their own noise are believed: then it is one.
+        """
+        return 1.0 if self.found.shape.readings_tell else most_logged(self.found, self.axes_of_sizes)
 
     def mean_square(self, record: int) -> Array:
         """Mean square of the innovations of each channel of a record, shape (C,): one where the noises are right."""

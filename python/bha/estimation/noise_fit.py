@@ -200,6 +200,11 @@ class Shape:
     unlogged: tuple[int, ...] = ()
     logged: float = 0.0
 
+    @property
+    def readings_tell(self) -> bool:
+        """Whether the readings of the pressures tell their own noise, or have none."""
+        return self.logged < _LOGGED_DOUBT
+
     def sizes(self, vector: Array) -> Sizes:
         """The sizes whose logarithms are ``vector``."""
         values = iter(np.exp(vector))
@@ -244,7 +249,7 @@ def find(likelihood: Likelihood, *, before: Found | None = None) -> Found:
     sections = tuple(dict.fromkeys(s for piece in likelihood.pieces for s in piece.sections))
     shape = Shape(kinds, logged=_doubt_of_logged(likelihood))
     last = [0.0] if shape.logged else []
-    lasts = [last] if shape.logged < _LOGGED_DOUBT else [last, [-1.5]]
+    lasts = [last] if shape.readings_tell else [last, [-1.5]]
     white = np.zeros(len(kinds))
     colours = [np.tile([0.0, np.log(seconds)], len(kinds)) for seconds in _COLOUR_STARTS]
     forces = [np.tile([np.log(300.0), np.log(seconds)], len(sections)) for seconds in _UNLOGGED_STARTS]
@@ -283,14 +288,14 @@ def is_dense(rec: Record) -> bool:
     return reading_interval(rec) < _TOLD_INTERVAL
 
 
-def spread_of_sizes(likelihood: Likelihood, found: Found) -> Array:
+def spread_of_sizes(likelihood: Likelihood, found: Found, axes_of_sizes: tuple[Array, Array]) -> Array:
     """Covariance of the parameters with what is not known of the sizes in it, shape (p, p).
 
     The sizes' logarithms are taken as normal with the curvature of the likelihood; estimates and covariances are
     averaged over two points along each axis of it (the unscented rule, exact to third order).
     """
     center, count = found.vector, len(found.vector)
-    sizes, axes = _axes(likelihood, found)
+    sizes, axes = axes_of_sizes
     bounds = np.array(found.shape.bounds())
     steps, covariances = [], []
     for size, axis in zip(sizes, axes.T, strict=True):
@@ -303,19 +308,14 @@ def spread_of_sizes(likelihood: Likelihood, found: Found) -> Array:
     return np.asarray(np.mean(covariances, axis=0) + moved.T @ moved / len(moved))
 
 
-def most_logged(likelihood: Likelihood, found: Found) -> float:
-    """Factor on the records' noise of the logged pressures that is greater than the true one, at 95 %.
-
-    Readings that tell their own noise are believed: then it is one.
-    """
-    if not found.shape.logged or found.shape.logged < _LOGGED_DOUBT:
-        return 1.0
-    sizes, axes = _axes(likelihood, found)
+def most_logged(found: Found, axes_of_sizes: tuple[Array, Array]) -> float:
+    """Factor on the records' noise of the logged pressures that is greater than the true one, at 95 %."""
+    sizes, axes = axes_of_sizes
     deviation = float(np.sqrt(np.sum((axes[-1] * sizes) ** 2)))
     return float(np.exp(min(found.vector[-1] + 1.645 * deviation, found.shape.bounds()[-1][1])))
 
 
-def _axes(likelihood: Likelihood, found: Found) -> tuple[Array, Array]:
+def axes_of_sizes(likelihood: Likelihood, found: Found) -> tuple[Array, Array]:
     """Standard deviations of the sizes' logarithms along the axes of the likelihood, shape (s,), and these, (s, s)."""
     curvature = _curvature(lambda vector: _value(likelihood, found.shape, vector), found.vector)
     values, axes = np.linalg.eigh(0.5 * curvature)

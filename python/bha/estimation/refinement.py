@@ -25,7 +25,6 @@ from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.initial import guess_state
 from bha.estimation.integration import choose_integration, too_coarse
-from bha.estimation.noise_fit import most_logged
 from bha.estimation.pace import Pace, Progress
 from bha.estimation.pressure_noise import PAIRS, Corrected, corrected, is_noisy, uncorrected
 from bha.estimation.records import Record, Window, some_of, windows
@@ -301,7 +300,7 @@ def _tells(problem: Problem, outcome: Outcome, found: Disturbed, settings: Setti
     Where that noise passes for excitation, innovations take it for knowledge. What differences of readings say of it
     would not do for sparse logs: at 10 Hz they take motion for noise, of the input that moves least the least.
     """
-    most = most_logged(found.likelihood, found.found)
+    most = found.most_logged()
     records = tuple(
         rec.with_pressure_noise(most * np.minimum(rec.pressure_noise, _least(rec))) for rec in problem.model.records
     )

@@ -126,7 +126,7 @@ def uncertainty(
 
 def _of_sizes(noises: Disturbed) -> Array:
     """What is not known of the sizes of the noises: how far estimates and covariance move with them, shape (p, p)."""
-    beyond = spread_of_sizes(noises.likelihood, noises.found) - noises.found.judged.covariance
+    beyond = spread_of_sizes(noises.likelihood, noises.found, noises.axes_of_sizes) - noises.found.judged.covariance
     values, vectors = np.linalg.eigh(0.5 * (beyond + beyond.T))
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 

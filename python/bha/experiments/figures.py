@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.plot.section_four import WIDTH, legend_above
 from bha.plot.style import (
     COLORS,
     DASHED,
@@ -16,8 +15,10 @@ from bha.plot.style import (
     MILLIMETRES_PER_METRE,
     PASCAL_PER_BAR,
     SOLID,
+    WIDTH,
     draw,
     figure_of_size,
+    legend_above,
     line_options,
     line_styles,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,20 +16,19 @@ from bha.plot.style import (
     MILLIMETRES_PER_METRE,
     PASCAL_PER_BAR,
     SOLID,
+    WIDTH,
     draw,
     figure_of_size,
+    legend_above,
     line_options,
     line_styles,
 )
-from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-#: Width of a figure of three panels, inches.
-WIDTH = 7.2
 
 
 def plot_stiffness(fits: Sequence[StiffnessFit], truth: Sequence[tuple[Array, Array]] = ()) -> Figure:
@@ -143,18 +142,6 @@ def swing_figure(
             axes.set_xlim(0.0, min(time[-1] for time, _ in lateral.values()))
         legend_above(figure, {k: line_options(s, COLORS[0], alone) for k, s in styles.items()}, "Section", heads)
     return figure
-
-
-def legend_above(figure: Figure, styles: Mapping[str, Mapping[str, Any]], numbered: str, count: int = 3) -> None:
-    """Above all panels: line styles by label, then the colours by number."""
-    lines = import_extra("matplotlib.lines", extra="plot", purpose="Plotting")
-    handles = [lines.Line2D([], [], label=label, **options) for label, options in styles.items()]
-    handles += [
-        lines.Line2D([], [], color=COLORS[k], linewidth=3, solid_capstyle="butt",
-                     label=str(k + 1) if k else f"{numbered} 1")
-        for k in range(count)
-    ]  # fmt: skip
-    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), columnspacing=1.6)
 
 
 def _width(panels: int) -> float:

@@ -38,6 +38,8 @@ PASCAL_PER_BAR = 1e5
 MILLIMETRES_PER_METRE = 1e3
 # More points than this in a line are more than a printed page can show.
 MOST_POINTS = 4000
+#: Width of a figure of three panels, inches.
+WIDTH = 7.2
 
 
 @contextmanager
@@ -129,6 +131,18 @@ def draw(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], **o
     alone = beside[1:-1] & ~beside[:-2] & ~beside[2:]
     if alone.any():
         axes.plot(time[alone], values[alone], linestyle="none", marker=".", markersize=2.0, color=line.get_color())
+
+
+def legend_above(figure: Figure, styles: Mapping[str, Mapping[str, Any]], numbered: str, count: int = 3) -> None:
+    """Above all panels: line styles by label, then the colours by number."""
+    lines = import_extra("matplotlib.lines", extra="plot", purpose="Plotting")
+    handles = [lines.Line2D([], [], label=label, **options) for label, options in styles.items()]
+    handles += [
+        lines.Line2D([], [], color=COLORS[k], linewidth=3, solid_capstyle="butt",
+                     label=str(k + 1) if k else f"{numbered} 1")
+        for k in range(count)
+    ]  # fmt: skip
+    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), columnspacing=1.6)
 
 
 def check_trajectories(trajectories: Mapping[str, Trajectory]) -> Trajectory:

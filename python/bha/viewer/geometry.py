@@ -3,7 +3,7 @@
 A bellows is drawn as a row of folds (convolutions) along its own line, which is parallel to the centre line of its
 section at the place that the file says; each reaches from one point of that line to the next, so that together they are
 as long as the bellows. Radii are those of the file. How many folds there are is not in the file and is chosen for the
-eye. Poses come from the core (:meth:`bha.Arm.point_pose`), so that what is drawn is what is computed.
+eye. Where they run says :mod:`bha.arm.bodies`.
 
 Frames: lengths and positions in m, in the world.
 """
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.parameters.along import mean_radius
+from bha.arm.bodies import centre_line, offsets_of, spread_at
 from bha.viewer.solids import Solids, together
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def layout_of(arm: Arm) -> Layout:
 
 def _section(arm: Arm, number: int, section: SectionParameters, most: int) -> SectionLayout:
     bellows = section.resolved_bellows(number)
-    offsets = np.array([[b.radius * np.cos(b.angle), b.radius * np.sin(b.angle)] for b in bellows])
+    offsets = offsets_of(section, number)
     if section.bellows_outer_radius is not None:
         radii = np.full(len(bellows), section.bellows_outer_radius)
     else:
@@ -131,18 +131,12 @@ def _section(arm: Arm, number: int, section: SectionParameters, most: int) -> Se
         radii = np.minimum(np.sqrt(np.array([b.terminal_area for b in bellows]) / np.pi), room)
     radius = float(radii.max())
     folds = int(np.clip(round(section.rest_length / (FOLD_HEIGHT * radius)), min(FEWEST_FOLDS, most), most))
-    spread = np.ones(folds)
-    if section.arcs:
-        ends = np.cumsum([arc.length for arc in section.arcs])
-        middles = (np.arange(folds) + 0.5) / folds
-        arc = np.minimum(np.searchsorted(ends, middles), len(section.arcs) - 1)
-        spread = np.array([section.arcs[k].relative_radius for k in arc]) / mean_radius(section.arcs)
     return SectionLayout(
         number=number,
         offsets=offsets,
         radii=radii,
         inputs=np.array([arm.inputs.index(b.input) for b in bellows]),
-        spread=spread,
+        spread=spread_at(section, (np.arange(folds) + 0.5) / folds),
         plate_radius=float(np.max(np.linalg.norm(offsets, axis=-1) + radii)),
         base_offset=section.base_offset,
         head_offset=section.head_offset,
@@ -157,20 +151,11 @@ def picture(layout: Layout, lengths: Array) -> Picture:
     """
     folds, plates = [], []
     for section in layout.sections:
-        rotations, positions = centre_line(layout.arm, section, lengths)
+        rotations, positions = centre_line(layout.arm, section.number, lengths, len(section.spread))
         folds.append(_folds(section, rotations, positions))
         plates.append(_plates(section, rotations, positions))
     heads, turns = layout.arm.forward_kinematics(lengths)
     return Picture(together(folds), together([_base(layout), *plates]), heads, turns)
-
-
-def centre_line(arm: Arm, section: SectionLayout, lengths: Array) -> tuple[Array, Array]:
-    """Axes (folds + 1, 3, 3) and origins (folds + 1, 3), m, along the bending part of a section, between its folds."""
-    count = len(section.spread)
-    poses = [arm.point_pose(lengths, section.number, k / count) for k in range(count)]
-    # The point at fraction 1 is the head, with the rigid piece before it.
-    poses.append(arm.point_pose(lengths, section.number, 1.0, (0.0, 0.0, -section.head_offset)))
-    return np.stack([rotation for rotation, _ in poses]), np.stack([position for _, position in poses])
 
 
 def _folds(section: SectionLayout, rotations: Array, positions: Array) -> Solids:
@@ -219,13 +204,6 @@ def base_frame(arm: Arm) -> tuple[Array, Array]:
     """Axes (3, 3) as columns and origin (3,), m, of the base in the world."""
     base = arm.parameters.base
     return (np.eye(3), np.zeros(3)) if base is None else (base.rotation_matrix, np.asarray(base.position, dtype=float))
-
-
-def up_direction(arm: Arm) -> Array:
-    """The direction against gravity, shape (3,); z where there is none."""
-    gravity = np.asarray(arm.parameters.gravity, dtype=np.float64)
-    size = float(np.linalg.norm(gravity))
-    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
 def axes_with_z(z: Array) -> Array:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.arm.bodies import up_direction
 from bha.arm.geometry import camera_frame, quaternions_of
 from bha.viewer.colors import BASE, BESIDE, MEASURED, RIGID, PressureScale, linear_light
-from bha.viewer.geometry import Layout, Picture, axes_with_z, base_frame, layout_of, picture, up_direction
+from bha.viewer.geometry import Layout, Picture, axes_with_z, base_frame, layout_of, picture
 from bha.viewer.solids import Mesh, Solids, ball, convolution, cylinder
 
 if TYPE_CHECKING:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.arm.bodies import up_direction
 from bha.support.extras import import_extra
 from bha.viewer.colors import BASE, BESIDE, MEASURED, RIGID, Colors, PressureScale
-from bha.viewer.geometry import Picture, axes_with_z, base_frame, layout_of, picture, up_direction
+from bha.viewer.geometry import Picture, axes_with_z, base_frame, layout_of, picture
 from bha.viewer.motions import magnification
 from bha.viewer.show import Show
 from bha.viewer.solids import Mesh, Solids, convolution, cylinder
