@@ -105,6 +105,8 @@ def _print(found: Diagnosis, out: Path) -> None:
         say(f"{effect.kind} at {effect.where}: {numbers}; confidence {effect.confidence:.2f}{empirical}")
         if alike := alike_in_words(effect):
             say(f"  {alike}")
+    if found.residual_force is not None:
+        say(found.residual_force.reason, head="force: ")
     if found.next_experiment is not None:
         say(experiment_in_words(found.next_experiment), head="next: ")
     if found.effects:

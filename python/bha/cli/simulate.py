@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, get_args
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import columns_option, missing_option, pressures_option
+from bha.diagnosis.force_table import ResidualTable
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 from bha.recordings.ranges import LengthExtremes
@@ -48,6 +49,9 @@ FIGURE_ROWS = 4000
 @click.option("--atol", type=float, default=1e-8, show_default=True,
               help="Absolute tolerance of dopri5 and rodas4 [m, m/s].")  # fmt: skip
 @click.option("--max-steps", type=int, help="Give up after this many steps (at least 1).")
+@click.option("--residual", "residual_path", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False),
+              help="Residual force table of bha diagnose (residual_table.toml), carried after all effects: "
+              "empirical, no cause.")  # fmt: skip
 @click.option("--interpolation", type=click.Choice(["linear", "hold"]),
               help="Pressures between two samples; as the log's pressures ask for if left out.")  # fmt: skip
 @json_option
@@ -66,6 +70,7 @@ def simulate(
     rtol: float,
     atol: float,
     max_steps: int | None,
+    residual_path: Path | None,
     interpolation: Interpolation | None,
     as_json: bool,
 ) -> None:
@@ -76,6 +81,10 @@ def simulate(
     rows until then are in the file.
     """
     check_target(out)  # before the work, lest it be lost
+    notes: list[str] = []
+    if residual_path is not None:
+        residual = ResidualTable.read(residual_path)
+        arm, notes = residual.carried(arm), [residual.in_words()]
     with progress_bar(hidden=as_json) as bar:
         task = bar.add_task("reading", total=1.0)
         log = Log.read(
@@ -114,7 +123,7 @@ def simulate(
     written = [] if out is None else [out]
     if plot:
         written += _figures(arm, concatenate(kept), recording, out or input_path)
-    _report(arm, times, (run.method, recording.pressures.sort), counts, errors, written, as_json)
+    _report(arm, times, (run.method, recording.pressures.sort), counts, errors, written, as_json, notes)
 
 
 @contextmanager
@@ -191,10 +200,12 @@ def _report(
     errors: OutputErrors | None,
     written: list[Path],
     as_json: bool,
+    notes: Sequence[str],
 ) -> None:
     method, sort = method_and_sort
     if as_json:
         result: dict[str, Any] = {"arm": arm.name, "rows": len(times), "end": times[-1], "method": method}
+        result["notes"] = list(notes)
         result |= {**counts, "written": written}
         if errors is not None:
             rms = errors.root_mean_square
@@ -209,6 +220,8 @@ def _report(
         f"{arm.name}: {times[-1] - times[0]:.6g} s of {sort} pressures in {counts['steps']} steps of {method} "
         f"({counts['rejected_steps']} rejected), {len(times)} rows"
     )
+    for note in notes:
+        say(note)
     if errors is not None:
         _print_errors(errors)
     if written:

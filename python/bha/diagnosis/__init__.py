@@ -23,6 +23,8 @@ from bha.support.later import imported_later
 
 if TYPE_CHECKING:
     from bha.arm import Arm
+    from bha.diagnosis.force_summary import Unexplained
+    from bha.diagnosis.force_table import ResidualTable
     from bha.diagnosis.refit import Trial
     from bha.diagnosis.result import Diagnosis
     from bha.diagnosis.select import Rules
@@ -31,12 +33,13 @@ if TYPE_CHECKING:
     from bha.logs import Log
     from bha.recordings import PressureSort, Recording
 
-__all__ = ["Diagnosis", "Investigation", "Rules", "Trial", "diagnose", "headline", "run"]
+__all__ = ["Diagnosis", "Investigation", "ResidualTable", "Rules", "Trial", "diagnose", "headline", "run"]
 
 #: Name -> its module: imported when first asked for, since SciPy is an extra.
 _LATER = {
     "Diagnosis": "bha.diagnosis.result",
     "Investigation": "bha.diagnosis.workflow",
+    "ResidualTable": "bha.diagnosis.force_table",
     "Rules": "bha.diagnosis.select",
     "Trial": "bha.diagnosis.refit",
     "headline": "bha.diagnosis.words",
@@ -106,7 +109,7 @@ def diagnose(
     if out is not None and report:
         import_extra("plotly", extra="report", purpose="The report of a diagnosis")
     folder = None if out is None else make_folder(out)
-    from bha.diagnosis import workflow, written  # noqa: PLC0415  (SciPy is an extra)
+    from bha.diagnosis import force_summary, workflow, written  # noqa: PLC0415  (SciPy is an extra)
     from bha.diagnosis.cache import cache_folder  # noqa: PLC0415
     from bha.diagnosis.splitting import split  # noqa: PLC0415
 
@@ -138,12 +141,20 @@ def diagnose(
         proposal = split(diagnosed, outcome.diagnosis, outcome.holdout.problem.records[0].observation, seed)
         experiment = None if proposal is None else written.experiment_of(proposal, folder)
         update = {"made": made, "setup": setup, "next_experiment": experiment}
+        force: Unexplained | None = None
+        if outcome.diagnosis.verdict == "unexplained":
+            if progress is not None:
+                progress("estimating the residual force", None)
+            force = force_summary.unexplained(outcome, diagnosed)
+            if folder is not None:
+                force = force_summary.write_force(force, folder)
+            update["residual_force"] = force.found
         outcome = replace(outcome, diagnosis=outcome.diagnosis.model_copy(update=update))
         if folder is not None:
             diagnosed.save(folder / "arm_diagnosed.toml")
             if report:
                 from bha.diagnosis.report import write_report  # noqa: PLC0415  (Plotly is an extra)
 
-                write_report(outcome, diagnosed, folder / "report.html")
+                write_report(outcome, diagnosed, folder / "report.html", force)
             outcome.diagnosis.write(folder / "diagnosis.json")
     return outcome.diagnosis

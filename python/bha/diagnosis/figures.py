@@ -24,16 +24,19 @@ MEASURED, BEFORE, AFTER, NOISE, ACCENT = "#222222", "#d55e00", "#0072b2", "#9999
 TRACE_POINTS = 1500
 
 
-def _plotly() -> Any:
+def plotly() -> Any:
+    """Plotly's graph objects."""
     return import_extra("plotly.graph_objects", extra="report", purpose="The report of a diagnosis")
 
 
-def _subplots(**options: Any) -> Any:
+def subplots(**options: Any) -> Any:
+    """A figure of several panels."""
     module = import_extra("plotly.subplots", extra="report", purpose="The report of a diagnosis")
     return module.make_subplots(**options)
 
 
-def _layout(figure: Any, height: int, *, titled: bool = False, **more: Any) -> Any:
+def layout(figure: Any, height: int, *, titled: bool = False, **more: Any) -> Any:
+    """The figure as those of the report are: font, margins, legend above."""
     figure.update_layout(
         template="plotly_white",
         height=height,
@@ -54,7 +57,7 @@ def _layout(figure: Any, height: int, *, titled: bool = False, **more: Any) -> A
 
 def gap_figure(found: Diagnosis) -> Any:
     """Error on the held-out logs in the order of the story: before, after, what noise makes."""
-    go = _plotly()
+    go = plotly()
     gap = found.gap
     rows = [
         ("plain model", gap.before, BEFORE),
@@ -75,19 +78,19 @@ def gap_figure(found: Diagnosis) -> Any:
     figure = go.Figure(bars)
     figure.update_yaxes(autorange="reversed")
     figure.update_xaxes(title="error, RMS, mm", range=[0.0, 1.35e3 * max(v for _, v, _ in rows)])
-    return _layout(figure, 200)
+    return layout(figure, 200)
 
 
 def bars_figure(rows: Sequence[dict[str, Any]], label: str, title: str) -> Any:
     """Error over noise of the plain model in groups, a line at one."""
-    go = _plotly()
+    go = plotly()
     names = [escape(str(r[label])) for r in rows]
     ratios = [r["ratio"] for r in rows]
     figure = go.Figure(go.Bar(x=names, y=ratios, marker_color=BEFORE))
     figure.add_hline(y=1.0, line_color=NOISE, line_dash="dot")
     figure.update_yaxes(title="error over noise", rangemode="tozero")
     figure.update_xaxes(title=title, type="category")
-    return _layout(figure, 280)
+    return layout(figure, 280)
 
 
 def band_figure(rows: Sequence[dict[str, Any]]) -> Any:
@@ -97,19 +100,19 @@ def band_figure(rows: Sequence[dict[str, Any]]) -> Any:
 
 def time_figure(rows: Sequence[dict[str, Any]]) -> Any:
     """Error over noise of the plain model along the logs."""
-    go = _plotly()
+    go = plotly()
     figure = go.Figure([go.Scatter(x=r["time"], y=r["ratio"], name=escape(r["log"]), mode="lines") for r in rows])
     figure.add_hline(y=1.0, line_color=NOISE, line_dash="dot")
     figure.update_xaxes(title="time in the log, s")
     figure.update_yaxes(title="error over noise", rangemode="tozero")
-    return _layout(figure, 300)
+    return layout(figure, 300)
 
 
 def region_figure(rows: Sequence[dict[str, Any]]) -> Any:
     """Error over noise by region, of the quantities it depends on most."""
-    go = _plotly()
+    go = plotly()
     shown = [r for r in rows if r["p_value"] is not None][:6]
-    figure = _subplots(
+    figure = subplots(
         rows=max(1, -(-len(shown) // 2)),
         cols=2,
         subplot_titles=[f"{escape(r['name'])}, p = {r['p_value']:.3f}" for r in shown],
@@ -121,12 +124,12 @@ def region_figure(rows: Sequence[dict[str, Any]]) -> Any:
         figure.add_trace(line, row=k // 2 + 1, col=k % 2 + 1)
         figure.update_xaxes(title=r["unit"], row=k // 2 + 1, col=k % 2 + 1)
     figure.update_yaxes(rangemode="tozero")
-    return _layout(figure, 230 * max(1, -(-len(shown) // 2)), titled=True)
+    return layout(figure, 230 * max(1, -(-len(shown) // 2)), titled=True)
 
 
 def candidates_figure(found: Diagnosis) -> Any:
     """What the best candidates would explain, and the held-out error of those that were refitted."""
-    go = _plotly()
+    go = plotly()
     shown = list(reversed(found.candidates[:15]))
     names = [escape(f"{c.kind} at {c.where}") for c in shown]
     refitted = [c.holdout for c in shown]
@@ -141,12 +144,12 @@ def candidates_figure(found: Diagnosis) -> Any:
         )
     )
     figure.update_xaxes(title="share of the error that it promises to explain, %")
-    return _layout(figure, 120 + 24 * len(shown), showlegend=False)
+    return layout(figure, 120 + 24 * len(shown), showlegend=False)
 
 
 def trace_figure(outcome: Investigation) -> Any:
     """Measured and simulated outputs of the worst channels of the first held-out log."""
-    go = _plotly()
+    go = plotly()
     record = outcome.holdout.problem.records[0]
     before = outcome.plain.prediction.outputs[0]
     after = outcome.best.prediction.outputs[0]
@@ -155,7 +158,7 @@ def trace_figure(outcome: Investigation) -> Any:
     worst = sorted(np.argsort(-error)[:3].tolist())
     step = max(1, len(record.rows) // TRACE_POINTS)
     time = record.time[::step]
-    figure = _subplots(
+    figure = subplots(
         rows=len(worst),
         cols=1,
         shared_xaxes=True,
@@ -178,12 +181,12 @@ def trace_figure(outcome: Investigation) -> Any:
             figure.add_trace(line, row=row, col=1)
         figure.update_yaxes(title="mm", row=row, col=1)
     figure.update_xaxes(title=f"time, s ({escape(record.name)})", row=len(worst), col=1)
-    return _layout(figure, 200 * len(worst) + 60, titled=True)
+    return layout(figure, 200 * len(worst) + 60, titled=True)
 
 
 def error_figure(outcome: Investigation) -> Any:
     """RMS error over the first held-out log, low-passed as it was compared, in blocks of a quarter of a second."""
-    go = _plotly()
+    go = plotly()
     record = outcome.holdout.problem.records[0]
     width = max(1, round(0.25 / record.sample_time))
     count = len(record.rows) // width
@@ -210,7 +213,7 @@ def error_figure(outcome: Investigation) -> Any:
     figure.update_xaxes(title=f"time, s ({escape(record.name)})")
     values = [v for line in figure.data for v in line.y if v > 0.0]
     _decades(figure.update_yaxes, values, title="error, RMS, mm")
-    return _layout(figure, 300)
+    return layout(figure, 300)
 
 
 def spectrum_figure(found: Diagnosis) -> Any | None:
@@ -218,7 +221,7 @@ def spectrum_figure(found: Diagnosis) -> Any | None:
     spectrum = found.residual.get("spectrum")
     if not spectrum:
         return None
-    go = _plotly()
+    go = plotly()
     lines: list[tuple[str, str, str, str | None]] = [("plain model", "before", BEFORE, None)]
     if found.has_names:
         lines.append(("with what is named", "after", AFTER, None))
@@ -239,7 +242,7 @@ def spectrum_figure(found: Diagnosis) -> Any | None:
         )
     _decades(figure.update_xaxes, frequency, title="frequency, Hz")
     _decades(figure.update_yaxes, values, title="error, mm per root Hz")
-    return _layout(figure, 320)
+    return layout(figure, 320)
 
 
 def estimates_figure(found: Diagnosis) -> Any | None:
@@ -247,7 +250,7 @@ def estimates_figure(found: Diagnosis) -> Any | None:
     rows = [(name, e) for name, e in found.plain.items() if e.start and e.value / e.start > 0.0]
     if not rows:
         return None
-    go = _plotly()
+    go = plotly()
     rows.reverse()
     ratios = [e.value / e.start for _, e in rows if e.start]
     ends = [
@@ -271,7 +274,7 @@ def estimates_figure(found: Diagnosis) -> Any | None:
     )
     figure.add_vline(x=1.0, line_color=NOISE, line_dash="dot")
     figure.update_xaxes(title="estimate over the value of the file, with 95 % interval")
-    return _layout(figure, 110 + 22 * len(rows), showlegend=False)
+    return layout(figure, 110 + 22 * len(rows), showlegend=False)
 
 
 def _decades(update: Callable[..., Any], values: Sequence[float], title: str) -> None:

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from bha.diagnosis import figures
 from bha.diagnosis.arm_figure import arm_figure
+from bha.diagnosis.force_figure import force_figure
 from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, experiment_in_words, headline, in_words
 from bha.support.extras import import_extra
 from bha.support.files import written_whole
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.diagnosis.result import Diagnosis
+    from bha.diagnosis.force_summary import Unexplained
+    from bha.diagnosis.result import Diagnosis, ResidualForceFound
     from bha.diagnosis.workflow import Investigation
 
 STYLE = """
@@ -36,30 +38,33 @@ th, td {
   text-align: left; padding: 0.25rem 0.7rem 0.25rem 0; border-bottom: 1px solid var(--line); vertical-align: top;
 }
 .grid { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0.8rem; }
-.figure { min-width: 0; width: 100%; overflow: hidden; }
+.figure { min-width: 0; width: 100%; overflow: hidden; } .wide { min-width: 760px; }
 @media (max-width: 720px) { .grid { grid-template-columns: minmax(0, 1fr); } body { padding: 0.6rem; } }
 """
 
 
-def write_report(outcome: Investigation, arm: Arm, path: str | os.PathLike[str]) -> None:
+def write_report(
+    outcome: Investigation, arm: Arm, path: str | os.PathLike[str], unexplained: Unexplained | None = None
+) -> None:
     """Write the report, whole or not at all.
 
     Args:
         outcome: what was found.
         arm: the arm with what was found, as ``arm_diagnosed.toml`` has it.
         path: where to.
+        unexplained: the residual force, of that verdict.
 
     Raises:
         InputError: the folder does not exist.
         MissingExtraError: Plotly is not installed.
     """
-    text = report_html(outcome, arm)
+    text = report_html(outcome, arm, unexplained)
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def report_html(outcome: Investigation, arm: Arm) -> str:
-    """The text of the report; ``arm`` as for :func:`write_report`."""
+def report_html(outcome: Investigation, arm: Arm, unexplained: Unexplained | None = None) -> str:
+    """The text of the report; arguments as for :func:`write_report`."""
     offline = import_extra("plotly.offline", extra="report", purpose="The report of a diagnosis")
     found = outcome.diagnosis
     parts: list[str] = [_head(found, arm.name)]
@@ -72,6 +77,9 @@ def report_html(outcome: Investigation, arm: Arm) -> str:
             parts.append(
                 f"<p><b>Next experiment.</b> {escape(_capital(experiment_in_words(found.next_experiment)))}.</p>"
             )
+    if unexplained is not None:
+        parts.append(f"<h2>The force that would explain it</h2>{_force(unexplained.found)}")
+        figure.add(force_figure(unexplained), wide=True)
     parts.append("<h2>The arm, measured against simulated</h2>")
     figure.add(arm_figure(outcome, arm))
     figure.add(figures.trace_figure(outcome))
@@ -112,10 +120,11 @@ class _Figures:
         self._parts = parts
         self._json: list[str] = []
 
-    def add(self, figure: Any | None) -> None:
+    def add(self, figure: Any | None, *, wide: bool = False) -> None:
         if figure is None:
             return
-        self._parts.append(f"<div class='figure' id='figure{len(self._json)}'></div>")
+        place = f"<div class='figure{' wide' if wide else ''}' id='figure{len(self._json)}'></div>"
+        self._parts.append(f"<div class='scroll'>{place}</div>" if wide else place)
         # A script ends at the first "</", wherever it stands; "<!--" begins a comment in it.
         self._json.append(figure.to_json().replace("<", "\\u003c"))
 
@@ -171,6 +180,31 @@ def _effect(effect: Any) -> str:
         f"<h3>{escape(_capital(sentence))}</h3><p>{'; '.join(notes)}.</p>"
         f"<div class='scroll'><table><tr><th>number</th><th>value</th><th>95 % interval</th></tr>{rows}</table></div>"
     )
+
+
+def _force(found: ResidualForceFound) -> str:
+    text = f"<p>{escape(_capital(found.reason))}.</p>"
+    if not found.along:
+        return text
+    rows = "".join(
+        f"<tr><td>{escape(line.where)}</td><td>{line.rms:.3g} N</td><td>&plusmn; {line.deviation:.2g} N</td>"
+        f"<td>{100.0 * max(line.told, 0.0):.0f} %</td></tr>"
+        for line in found.along
+    )
+    text += (
+        "<p>Beside the re-identified plain model, along each bellows; positive pushes its ends apart. It says where "
+        "and when the model errs and by how much, not why.</p>"
+        "<details><summary>As a table</summary><div class='scroll'><table><tr><th>along</th>"
+        f"<th>RMS over all logs</th><th>95 % band</th><th>told by the readings</th></tr>{rows}</table></div></details>"
+    )
+    if found.file:
+        text += f"<p class='soft'>Row by row in <code>{escape(found.file)}</code>.</p>"
+    if found.table is not None and found.table.file:
+        text += (
+            f"<p class='soft'><code>bha simulate arm_diagnosed.toml --input LOG --residual {escape(found.table.file)}"
+            "</code> carries the table.</p>"
+        )
+    return text
 
 
 def _residual(found: Diagnosis) -> str:

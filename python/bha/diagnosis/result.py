@@ -175,6 +175,62 @@ class NextExperiment(Table):
     file: str | None = None
 
 
+class ForceAlong(Table):
+    """The residual force along one coordinate, over all logs.
+
+    Attributes:
+        name: of its column in the file, ``f11``.
+        where: ``bellows 1 of section 1``, or the coordinate where no bellows stands there.
+        rms: of the force, N.
+        deviation: half of its 95 % band, N, RMS.
+        told: share of the variance of an unknown force that the readings have taken away.
+    """
+
+    name: str
+    where: str
+    rms: Finite
+    deviation: Finite
+    told: Finite
+
+
+class CarriedTable(Table):
+    """A table of the residual force that ``bha simulate --residual`` carries.
+
+    Attributes:
+        variables: over which its curves are: ``q``, ``qd``, ``p``.
+        shared: whether the bellows of a section have the same ones.
+        explained: share of the force's mean square that such curves explain on training logs left out.
+        before: open-loop error on the held-out logs without it, m RMS.
+        after: with it.
+        file: where it is, None where nothing was written.
+    """
+
+    variables: list[str]
+    shared: bool
+    explained: Finite
+    before: Finite
+    after: Finite
+    file: str | None = None
+
+
+class ResidualForceFound(Table):
+    """What would have to act beside the plain model: of the verdict ``unexplained``.
+
+    Attributes:
+        reason: in a sentence what it is like; or why there is none.
+        along: a line a coordinate; empty where there is no force.
+        correlation_time: over which it changes, s.
+        table: what it follows, where that predicts held-out logs better.
+        file: where the force is along the logs, None where nothing was written.
+    """
+
+    reason: str
+    along: list[ForceAlong] = []
+    correlation_time: Finite = 0.0
+    table: CarriedTable | None = None
+    file: str | None = None
+
+
 class CandidateLine(Table):
     """A candidate: its score in the screening and, where it was refitted, what that gave.
 
@@ -220,6 +276,7 @@ class Diagnosis(Table):
         complete: whether the search came to its end; false after Ctrl-C.
         seconds: time it took, s.
         next_experiment: pressures that would split the class, of the verdict ``one_of``.
+        residual_force: of the verdict ``unexplained`` the force that would have to act beside the model.
         made: when and how it was made; None in files of earlier versions.
         schema_name: version of this schema.
     """
@@ -239,6 +296,7 @@ class Diagnosis(Table):
     complete: bool = True
     seconds: Finite = 0.0
     next_experiment: NextExperiment | None = None
+    residual_force: ResidualForceFound | None = None
     made: Made | None = None
 
     @property

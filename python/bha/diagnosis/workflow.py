@@ -79,6 +79,8 @@ class Investigation:
         holdout: the held-out logs.
         baseline: the plain fit.
         uncertainty: 95 % interval of every coordinate of ``model``.
+        held: the held-out logs with all their rows.
+        until: the time of each up to which they are compared, s: after that a model runs away.
     """
 
     diagnosis: Diagnosis
@@ -89,6 +91,8 @@ class Investigation:
     holdout: Holdout
     baseline: Baseline
     uncertainty: list[tuple[float, float]]
+    held: tuple[Record, ...]
+    until: tuple[float, ...]
 
 
 def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one call)
@@ -211,7 +215,18 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     if state.complete:
         cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
-    return Investigation(diagnosis, fit.model, fit.x, state.plain, state.best, holdout, baseline, uncertainty)
+    return Investigation(
+        diagnosis=diagnosis,
+        model=fit.model,
+        x=fit.x,
+        plain=state.plain,
+        best=state.best,
+        holdout=holdout,
+        baseline=baseline,
+        uncertainty=uncertainty,
+        held=tuple(held),
+        until=tuple(until),
+    )
 
 
 def _records(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bha._core import __version__
+from bha.diagnosis.force_summary import FORCE_FILE, TABLE_FILE
 from bha.diagnosis.model import Model
 from bha.diagnosis.result import Made, NextExperiment, SourceFile
 from bha.errors import FileError, InputError, way_out
@@ -34,6 +35,8 @@ RESULTS = {
     "report.html": re.compile(rb"<title>Diagnosis of "),
     # Commands and nothing that was measured.
     NEXT_EXPERIMENT: re.compile(rb"\At \[s\](,pc[0-9_]+ \[Pa\])+\r?\n"),
+    FORCE_FILE: re.compile(rb"\Alog,t \[s\],f[0-9_]+ \[N\],"),
+    TABLE_FILE: re.compile(rb'"bha-residual/'),
 }
 _BEGINNING = 16_384
 
