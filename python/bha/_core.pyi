@@ -423,6 +423,12 @@ def resolved_motion(
 def linearize(
     arm: Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def held_poses(
+    arm: Arm, pressures: ArrayLike, forces: ArrayLike | None = None, near: ArrayLike | None = None
+) -> NDArray[np.float64]: ...
+def moved_poses(
+    arm: Arm, others: Sequence[Arm], pressures: ArrayLike, held: ArrayLike, forces: ArrayLike | None = None
+) -> NDArray[np.float64]: ...
 def innovations(
     transitions: ArrayLike,
     added: ArrayLike,

@@ -7,24 +7,21 @@ derivative.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bha import _core
 from bha.arm import Arm
-from bha.arm.variants import Variants
-from bha.errors import BhaError, ConvergenceError
-from bha.estimation.conditions import Condition, check_apart, conditioned
-from bha.estimation.free import Coordinate, apply, with_values
+from bha.errors import ConvergenceError
+from bha.estimation.arms import Arms, Case
+from bha.estimation.conditions import Condition, check_apart
+from bha.estimation.free import Coordinate, apply
 from bha.estimation.records import Record, Window
 from bha.estimation.runs import Run, outputs
-from bha.parameters import ArmParameters, paths
-from bha.recordings import Observation
+from bha.parameters import ArmParameters
 from bha.recordings.outputs import longest_sensor_delay
 from bha.runs.options import Method
 
@@ -64,17 +61,13 @@ class Model:
         """Refuse numbers that are both known and free."""
         check_apart(self.coordinates, (rec.condition for rec in self.records))
 
-    @cached_property
-    def _changed(self) -> dict[Condition, ArmParameters]:
-        return conditioned(self.parameters, (rec.condition for rec in self.records))
-
     def arm(self, z: Array, condition: Condition = Condition()) -> Arm:  # noqa: B008  (frozen)
         """The arm at ``z``, as logs of a condition see it.
 
         Raises:
             ParameterError: values that no arm can have.
         """
-        changed = self._changed.get(condition)
+        changed = self._arms.changed.get(condition)
         parameters = condition.applied(self.parameters) if changed is None else changed
         return Arm(apply(parameters, self.coordinates, z, condition.session))
 
@@ -161,7 +154,7 @@ class Model:
     def _at(self, z: Array, window: Window, state: Array) -> Run:
         """The run of a window at ``z``; without an arm where the parameters are not allowed."""
         rec = self.records[window.record]
-        arm, observation = self._shown(np.asarray(z, dtype=np.float64).tobytes(), window.record)
+        arm, observation = self._arms.at(z, window.record)
         return Run(arm, observation, rec, state, window.first, window.last, lead=self._lead)
 
     def _outputs(self, runs: Sequence[Run]) -> list[Array]:
@@ -173,38 +166,6 @@ class Model:
         return 1.5 * longest_sensor_delay(self.parameters)
 
     @cached_property
-    def _shown(self) -> Callable[[bytes, int], tuple[_core.Arm | None, Observation]]:
-        """The arm at a point (its numbers as bytes) and the outputs of a record as it shows them."""
-        # Points that differ in what does not act on a record have the same arm, or the same outputs.
-        acting = [tuple(c for c in self.coordinates if c.acts_on(rec.session)) for rec in self.records]
-        changed = [self._changed[rec.condition] for rec in self.records]
-        on_outputs = [tuple(c for c in own if any(map(paths.acts_on_outputs, c.members))) for own in acting]
-
-        @lru_cache(maxsize=256)
-        def observation(record: int, values: tuple[float, ...]) -> Observation:
-            parameters = with_values(changed[record], on_outputs[record], values)
-            return Observation.of(parameters, self.records[record].observation.outputs)
-
-        @lru_cache(maxsize=1024)
-        def shown(point: bytes, record: int) -> tuple[_core.Arm | None, Observation]:
-            rec = self.records[record]
-            value = {c: c.value(float(x)) for c, x in zip(self.coordinates, np.frombuffer(point), strict=True)}
-            try:
-                variants = _variants(changed[record], acting[record], rec.drive.commanded)
-                arm = variants.arm(np.array([value[c] for c in acting[record]]))
-                return arm, observation(record, tuple(value[c] for c in on_outputs[record]))
-            except BhaError:
-                return None, rec.observation
-
-        return shown
-
-
-@lru_cache(maxsize=64)
-def _variants(parameters: ArmParameters, coordinates: tuple[Coordinate, ...], commanded: bool) -> Variants:
-    """Arms by values of coordinates; measured pressures stand in the chambers already, so pneumatics go."""
-
-    def describe(values: Array) -> dict[str, Any]:
-        core = with_values(parameters, coordinates, values).to_core()
-        return core if commanded else {key: entry for key, entry in core.items() if key != "pneumatics"}
-
-    return Variants(describe, [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates])
+    def _arms(self) -> Arms:
+        cases = (Case(rec.condition, rec.observation, rec.drive.commanded) for rec in self.records)
+        return Arms(self.parameters, self.coordinates, tuple(cases))

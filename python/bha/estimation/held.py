@@ -14,10 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.arm import Arm
-from bha.errors import BhaError, ConvergenceError
-from bha.estimation.conditions import Condition, conditioned
-from bha.estimation.free import Coordinate, apply
+from bha import _core
+from bha.estimation.arms import Arms, Case
+from bha.estimation.free import Coordinate
 from bha.estimation.slow import SlowRecord, lag_response
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation, Output
@@ -66,47 +65,52 @@ class HeldPoses:
         return tuple(dict.fromkeys(sort_of(output) for slow in self.records for output in slow.outputs))
 
     @cached_property
-    def _changed(self) -> dict[Condition, ArmParameters]:
-        return conditioned(self.parameters, (slow.record.condition for slow in self.records))
-
-    def _arm(self, z: Array, condition: Condition) -> Arm | None:
-        try:
-            return Arm(apply(self._changed[condition], self.coordinates, z, condition.session))
-        except BhaError:
-            return None
+    def _arms(self) -> Arms:
+        cases = (Case(slow.record.condition, Observation.of(self.parameters, slow.outputs)) for slow in self.records)
+        return Arms(self.parameters, self.coordinates, tuple(cases))
 
     def held(self, z: Array, near: Sequence[Held] | None = None) -> list[Held]:
         """Where the pressures hold the arm, record by record; the search for each pose begins at that of ``near``."""
         found = []
-        arms = {condition: self._arm(z, condition) for condition in self._changed}
         for k, slow in enumerate(self.records):
-            arm = arms[slow.record.condition]
+            arm, _ = self._arms.at(z, k)
             if arm is None:
-                found.append(Held(np.full((len(slow.measured), 3 * len(self.parameters.sections)), np.nan), None))
+                found.append(self._nowhere(slow))
                 continue
-            poses = held_poses(arm, slow.pressures, slow.forces, None if near is None else near[k].lengths)
-            heads = np.full((len(poses), arm.section_count, 3), np.nan)
-            for row in np.flatnonzero(np.isfinite(poses[:, 0])):
-                heads[row] = arm.forward_kinematics(poses[row])[0]
-            found.append(Held(poses, heads))
+            start = None if near is None else near[k].lengths
+            found.append(_with_heads(arm, held_poses(arm, slow.pressures, slow.forces, start)))
+        return found
+
+    def moved(self, z: Array, points: Sequence[Array], held: Sequence[Held]) -> list[list[Held]]:
+        """The poses of each of some points near ``z``, to first order from those of ``z``, record by record."""
+        found: list[list[Held]] = [[] for _ in points]
+        for k, slow in enumerate(self.records):
+            arm, _ = self._arms.at(z, k)
+            others = [self._arms.at(point, k)[0] for point in points]
+            there = [other for other in others if other is not None]
+            poses = iter(
+                ()
+                if arm is None
+                else _core.moved_poses(arm, there, slow.pressures, held[k].lengths, _flat(slow.forces))
+            )
+            for own, other in zip(found, others, strict=True):
+                own.append(self._nowhere(slow) if arm is None or other is None else _with_heads(other, next(poses)))
         return found
 
     def shown(self, z: Array, held: Sequence[Held]) -> list[Array]:
         """What the channels show of held poses, per record (g, C); NaN where there is none."""
         found = []
-        parameters = {c: apply(changed, self.coordinates, z, c.session) for c, changed in self._changed.items()}
-        observations: dict[tuple[Condition, tuple[Output, ...]], Observation] = {}
-        for slow, own in zip(self.records, held, strict=True):
+        for k, (slow, own) in enumerate(zip(self.records, held, strict=True)):
             if own.heads is None:
                 found.append(np.full(slow.measured.shape, np.nan))
                 continue
-            key = slow.record.condition, slow.outputs
-            if key not in observations:
-                observations[key] = Observation.of(parameters[key[0]], slow.outputs)
-            observation = observations[key]
+            _, observation = self._arms.at(z, k)
             lengths = own.lengths * observation.core_gains + observation.core_shifts
             found.append(observation.predicted(lengths, own.heads))
         return found
+
+    def _nowhere(self, slow: SlowRecord) -> Held:
+        return Held(np.full((len(slow.measured), 3 * len(self.parameters.sections)), np.nan), None)
 
     def lagged(self, resting: Sequence[Array], lags: Array) -> list[Array]:
         """The channels behind their lags, s, shape (sorts,)."""
@@ -123,14 +127,13 @@ class HeldPoses:
         """Derivatives of what is shown by z and by the logarithms of the lags, per record (g, C, p + sorts)."""
         still = self.shown(z, held)
         base, columns = self.lagged(still, lags), []
-        for k, coordinate in enumerate(self.coordinates):
-            h = _STEP if z[k] + _STEP <= coordinate.bounds[1] else -_STEP
-            moved = z.copy()
-            moved[k] += h
-            there = held if all(paths.is_of_sensors(path) for path in coordinate.members) else self.held(moved, held)
-            columns.append(
-                [(b - a) / h for a, b in zip(base, self.lagged(self.shown(moved, there), lags), strict=True)]
-            )
+        steps = [_STEP if x + _STEP <= c.bounds[1] else -_STEP for x, c in zip(z, self.coordinates, strict=True)]
+        points = [z + h * e for h, e in zip(steps, np.eye(len(z)), strict=True)]
+        moving = [k for k, c in enumerate(self.coordinates) if not all(map(paths.is_of_sensors, c.members))]
+        there = dict(zip(moving, self.moved(z, [points[k] for k in moving], held), strict=True))
+        for k, (point, h) in enumerate(zip(points, steps, strict=True)):
+            beside = self.lagged(self.shown(point, there.get(k, held)), lags)
+            columns.append([(b - a) / h for a, b in zip(base, beside, strict=True)])
         for k in range(len(lags)):
             longer = lags.copy()
             longer[k] *= np.exp(_LAG_STEP)
@@ -138,7 +141,7 @@ class HeldPoses:
         return [np.stack([column[r] for column in columns], axis=-1) for r in range(len(self.records))]
 
 
-def held_poses(arm: Arm, pressures: Array, forces: Array | None = None, near: Array | None = None) -> Array:
+def held_poses(arm: _core.Arm, pressures: Array, forces: Array | None = None, near: Array | None = None) -> Array:
     """Lengths that pressures hold, row by row, shape (g, 3n); NaN where they hold none.
 
     Args:
@@ -147,16 +150,19 @@ def held_poses(arm: Arm, pressures: Array, forces: Array | None = None, near: Ar
         forces: N, shape (g, n, 3).
         near: where each search begins, shape (g, 3n); NaN, or None for all: at the pose of the row before.
     """
-    poses = np.full((len(pressures), 3 * arm.section_count), np.nan)
-    before: Array | None = None
-    for k, pressure in enumerate(pressures):
-        force = None if forces is None else forces[k]
-        start = before if near is None or not np.isfinite(near[k, 0]) else near[k]
-        try:
-            before = poses[k] = arm.static_lengths(pressure, force, start=start)
-        except ConvergenceError:
-            before = None
-    return poses
+    return _core.held_poses(arm, pressures, _flat(forces), near)
+
+
+def _flat(forces: Array | None) -> Array | None:
+    return None if forces is None else forces.reshape(len(forces), -1)
+
+
+def _with_heads(arm: _core.Arm, lengths: Array) -> Held:
+    """Poses with the positions of their heads."""
+    good = np.isfinite(lengths[:, 0])
+    heads = np.full((len(lengths), lengths.shape[1] // 3, 3), np.nan)
+    heads[good] = arm.forward_kinematics(lengths[good])[0]
+    return Held(lengths, heads)
 
 
 def _filled(table: Array) -> Array:

@@ -3,6 +3,7 @@
 pub mod applied;
 pub mod derivatives;
 pub mod energy;
+pub mod held;
 #[cfg(test)]
 mod identities;
 pub mod recursion;

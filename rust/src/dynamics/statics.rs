@@ -26,11 +26,11 @@ const STATIC: ForceSet = ForceSet { damping: false, ..ForceSet::ALL };
 /// Derivatives taken at once: the Jacobian's columns in blocks of this many.
 const BLOCK: usize = 4;
 
-/// The equations' residual (generalized force, N) and its Jacobian.
-struct Equations<'a> {
+/// The equations' residual (generalized force, N) and its Jacobian, of one arm under pressures and forces that change.
+pub(super) struct Equations<'a> {
     arm: &'a Arm<f64>,
     lifted: Arm<Dual<BLOCK>>,
-    p: &'a [f64],
+    p: Vec<f64>,
     p_lifted: Vec<Dual<BLOCK>>,
     f_ext: Option<External<'a, f64>>,
     forces: Vec<Vec3<Dual<BLOCK>>>,
@@ -40,30 +40,46 @@ struct Equations<'a> {
 }
 
 impl<'a> Equations<'a> {
-    fn new(arm: &'a Arm<f64>, p: &'a [f64], f_ext: Option<External<'a, f64>>) -> Self {
+    pub(super) fn new(arm: &'a Arm<f64>) -> Self {
         let lifted = arm.lift::<Dual<BLOCK>>();
         Self {
             arm,
-            p,
-            p_lifted: p.iter().map(|&x| Dual::from_f64(x)).collect(),
-            f_ext,
-            forces: f_ext.map_or(Vec::new(), |f| f.forces.iter().map(|v| Vec3::from_f64(v.0)).collect()),
-            wrenches: f_ext.map_or(Vec::new(), |f| f.wrenches.iter().map(PointWrench::lifted).collect()),
+            p: Vec::new(),
+            p_lifted: Vec::new(),
+            f_ext: None,
+            forces: Vec::new(),
+            wrenches: Vec::new(),
             ws: Workspace::new(arm),
             ws_lifted: Workspace::new(&lifted),
             lifted,
         }
     }
 
-    fn residual(&mut self, q: &DVector<f64>) -> DVector<f64> {
+    /// From here on under pressures `p` (one an input, Pa) and external forces.
+    pub(super) fn set(&mut self, p: &[f64], f_ext: Option<External<'a, f64>>) {
+        self.p.clear();
+        self.p.extend_from_slice(p);
+        self.p_lifted.clear();
+        self.p_lifted.extend(p.iter().map(|&x| Dual::from_f64(x)));
+        self.f_ext = f_ext;
+        self.forces.clear();
+        self.wrenches.clear();
+        if let Some(f) = f_ext {
+            self.forces.extend(f.forces.iter().map(|v| Vec3::from_f64(v.0)));
+            self.wrenches.extend(f.wrenches.iter().map(PointWrench::lifted));
+        }
+    }
+
+    /// Generalized force, N, that is not balanced at lengths `q`.
+    pub(super) fn residual(&mut self, q: &DVector<f64>) -> DVector<f64> {
         let mut out = DVector::zeros(q.len());
         let state = (q.as_slice(), [].as_slice());
-        generalized_force_into(self.arm, STATIC, state, self.p, self.f_ext, &mut self.ws, out.as_mut_slice());
+        generalized_force_into(self.arm, STATIC, state, &self.p, self.f_ext, &mut self.ws, out.as_mut_slice());
         out
     }
 
-    /// None if `stop` said so.
-    fn jacobian(&mut self, q: &DVector<f64>, stop: &mut impl FnMut() -> bool) -> Option<DMatrix<f64>> {
+    /// Its derivative by the lengths; None if `stop` said so.
+    pub(super) fn jacobian(&mut self, q: &DVector<f64>, stop: &mut impl FnMut() -> bool) -> Option<DMatrix<f64>> {
         let n = q.len();
         let mut jacobian = DMatrix::zeros(n, n);
         let mut out = vec![Dual::zero(); n];
@@ -85,6 +101,51 @@ impl<'a> Equations<'a> {
             }
         }
         Some(jacobian)
+    }
+
+    /// Lengths at rest, from `start` (from the static decoupled lengths if none) on, unless `stop` says so.
+    pub(super) fn rest(&mut self, start: Option<&[f64]>, stop: &mut impl FnMut() -> bool) -> Result<Vec<f64>> {
+        let first = match start {
+            Some(q) => q.to_vec(),
+            None => decoupled(self.arm, &self.p)?,
+        };
+        let mut q = DVector::from_vec(first);
+        let mut r = self.residual(&q);
+        // Pseudo-time damping, N/m: 0 is plain Newton.
+        let mut damping = 0.0;
+        let scale = 1.0 + r.amax();
+        for _ in 0..MAX_ITERATIONS {
+            let jacobian = self.jacobian(&q, stop).ok_or(Error::Interrupted)?;
+            let mut matrix = -&jacobian;
+            for k in 0..q.len() {
+                matrix[(k, k)] += damping;
+            }
+            let solved = matrix.lu().solve(&r);
+            let typical = jacobian.amax();
+            let Some(step) = solved.filter(|s| s.iter().all(|x| x.is_finite())) else {
+                damping = (10.0 * damping).max(1e-3 * typical);
+                continue;
+            };
+            let largest = step.amax();
+            let step = &step * (MAX_STEP / largest.max(MAX_STEP));
+            let next = &q + &step;
+            let r_next = self.residual(&next);
+            let improved = r_next.norm() < r.norm();
+            if r_next.iter().all(|x| x.is_finite()) && (improved || damping > 10.0 * typical) {
+                (q, r) = (next, r_next);
+                damping = if damping < 1e-4 * typical { 0.0 } else { 0.3 * damping };
+            } else {
+                damping = (5.0 * damping).max(1e-3 * typical);
+            }
+            if largest < 1e-13 || (r.amax() < 1e-9 * scale && largest < 1e-9) {
+                return possible(self.arm, q.as_slice().to_vec());
+            }
+        }
+        Err(Error::Convergence(format!(
+            "no rest found after {MAX_ITERATIONS} steps: a force of {:.3e} N is left; check that the pressures lie in the \
+             arm's pressure_range, or start nearer to the expected lengths",
+            r.amax()
+        )))
     }
 }
 
@@ -114,48 +175,9 @@ pub fn static_lengths_until(
     start: Option<&[f64]>,
     stop: &mut impl FnMut() -> bool,
 ) -> Result<Vec<f64>> {
-    let first = match start {
-        Some(q) => q.to_vec(),
-        None => decoupled(arm, p)?,
-    };
-    let mut q = DVector::from_vec(first);
-    let mut equations = Equations::new(arm, p, f_ext);
-    let mut r = equations.residual(&q);
-    // Pseudo-time damping, N/m: 0 is plain Newton.
-    let mut damping = 0.0;
-    let scale = 1.0 + r.amax();
-    for _ in 0..MAX_ITERATIONS {
-        let jacobian = equations.jacobian(&q, stop).ok_or(Error::Interrupted)?;
-        let mut matrix = -&jacobian;
-        for k in 0..q.len() {
-            matrix[(k, k)] += damping;
-        }
-        let solved = matrix.lu().solve(&r);
-        let typical = jacobian.amax();
-        let Some(step) = solved.filter(|s| s.iter().all(|x| x.is_finite())) else {
-            damping = (10.0 * damping).max(1e-3 * typical);
-            continue;
-        };
-        let largest = step.amax();
-        let step = &step * (MAX_STEP / largest.max(MAX_STEP));
-        let next = &q + &step;
-        let r_next = equations.residual(&next);
-        let improved = r_next.norm() < r.norm();
-        if r_next.iter().all(|x| x.is_finite()) && (improved || damping > 10.0 * typical) {
-            (q, r) = (next, r_next);
-            damping = if damping < 1e-4 * typical { 0.0 } else { 0.3 * damping };
-        } else {
-            damping = (5.0 * damping).max(1e-3 * typical);
-        }
-        if largest < 1e-13 || (r.amax() < 1e-9 * scale && largest < 1e-9) {
-            return possible(arm, q.as_slice().to_vec());
-        }
-    }
-    Err(Error::Convergence(format!(
-        "no rest found after {MAX_ITERATIONS} steps: a force of {:.3e} N is left; check that the pressures lie in the \
-         arm's pressure_range, or start nearer to the expected lengths",
-        r.amax()
-    )))
+    let mut equations = Equations::new(arm);
+    equations.set(p, f_ext);
+    equations.rest(start, stop)
 }
 
 /// Lengths at rest, if the mean length of every section is positive, as it must be in a simulation too.

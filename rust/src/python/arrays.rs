@@ -94,6 +94,11 @@ pub fn matrix(value: &Bound<'_, PyAny>, name: &str, (rows, columns): (usize, usi
     Ok(array(value, name, &[&[Some(rows), Some(columns)]])?.values)
 }
 
+/// The same where the numbers need not be finite.
+pub fn table(value: &Bound<'_, PyAny>, name: &str, (rows, columns): (usize, usize)) -> PyResult<Vec<f64>> {
+    Ok(numbers(value, name, &[&[Some(rows), Some(columns)]], false)?.values)
+}
+
 /// A matrix of any size, with the number of its rows.
 pub fn any_matrix(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64>, usize)> {
     let found = array(value, name, &[&[None, None]])?;

@@ -9,6 +9,7 @@ mod derivatives;
 mod effects;
 mod errors;
 mod external;
+mod held;
 mod innovations;
 mod input;
 mod signals;
@@ -48,6 +49,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::linearize, m)?)?;
     m.add_function(wrap_pyfunction!(control::linear_quadratic_gain, m)?)?;
     m.add_function(wrap_pyfunction!(innovations::innovations, m)?)?;
+    m.add_function(wrap_pyfunction!(held::held_poses, m)?)?;
+    m.add_function(wrap_pyfunction!(held::moved_poses, m)?)?;
     m.add_class::<virtual_arm::PyVirtualArm>()?;
     m.add_function(wrap_pyfunction!(simulation::check_options, m)?)?;
     m.add_function(wrap_pyfunction!(batch::simulate_batch, m)?)?;

@@ -1,0 +1,96 @@
+"""Arms and what shows of them, by coordinates: each made once, of values, however often it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha import _core
+from bha.arm.variants import Variants
+from bha.errors import BhaError
+from bha.estimation.conditions import Condition, conditioned
+from bha.estimation.free import Coordinate, with_values
+from bha.parameters import ArmParameters, paths
+from bha.recordings import Observation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """How a log looks at an arm.
+
+    Attributes:
+        condition: session and known changes.
+        observation: its outputs, as the file's arm shows them.
+        commanded: whether pressures are commands, which pass through the arm's pneumatics; else they stand in the
+            chambers already.
+    """
+
+    condition: Condition
+    observation: Observation
+    commanded: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Arms:
+    """The arms of some cases, by coordinates.
+
+    Attributes:
+        parameters: the arm at z = 0.
+        coordinates: what the values are of.
+        cases: the cases.
+    """
+
+    parameters: ArmParameters
+    coordinates: tuple[Coordinate, ...]
+    cases: tuple[Case, ...]
+
+    @cached_property
+    def changed(self) -> dict[Condition, ArmParameters]:
+        """The parameters under each condition."""
+        return conditioned(self.parameters, (case.condition for case in self.cases))
+
+    def at(self, z: Array, case: int) -> tuple[_core.Arm | None, Observation]:
+        """The arm at ``z`` (p,) in a case and the outputs as it shows them; no arm where the values are none of one."""
+        return self._at(np.asarray(z, dtype=np.float64).tobytes(), case)
+
+    @cached_property
+    def _at(self) -> Callable[[bytes, int], tuple[_core.Arm | None, Observation]]:
+        # Points that differ in what does not act on a case have the same arm, or the same outputs.
+        acting = [tuple(c for c in self.coordinates if c.acts_on(case.condition.session)) for case in self.cases]
+        changed = [self.changed[case.condition] for case in self.cases]
+        on_outputs = [tuple(c for c in own if any(map(paths.acts_on_outputs, c.members))) for own in acting]
+
+        @lru_cache(maxsize=256)
+        def observation(case: int, values: tuple[float, ...]) -> Observation:
+            parameters = with_values(changed[case], on_outputs[case], values)
+            return Observation.of(parameters, self.cases[case].observation.outputs)
+
+        @lru_cache(maxsize=1024)
+        def at(point: bytes, case: int) -> tuple[_core.Arm | None, Observation]:
+            value = {c: c.value(float(x)) for c, x in zip(self.coordinates, np.frombuffer(point), strict=True)}
+            try:
+                variants = _variants(changed[case], acting[case], self.cases[case].commanded)
+                arm = variants.arm(np.array([value[c] for c in acting[case]]))
+                return arm, observation(case, tuple(value[c] for c in on_outputs[case]))
+            except BhaError:
+                return None, self.cases[case].observation
+
+        return at
+
+
+@lru_cache(maxsize=64)
+def _variants(parameters: ArmParameters, coordinates: tuple[Coordinate, ...], commanded: bool) -> Variants:
+    """Arms by values of coordinates; measured pressures stand in the chambers already, so pneumatics go."""
+
+    def describe(values: Array) -> dict[str, Any]:
+        core = with_values(parameters, coordinates, values).to_core()
+        return core if commanded else {key: entry for key, entry in core.items() if key != "pneumatics"}
+
+    return Variants(describe, [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates])
