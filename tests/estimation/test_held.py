@@ -33,9 +33,7 @@ def test_poses_move_with_the_arm_as_their_difference_quotients(path: str, effect
     parameters = ARM.parameters.updated({"effect": [gain]}) if effect else ARM.parameters
     own = "effect.1.gain" if effect else path
     start = paths.get_value(parameters, own)
-    arm, more, less = (
-        bha.Arm(paths.with_values(parameters, {own: start * (1.0 + h)})) for h in (0.0, 1e-4, -1e-4)
-    )
+    arm, more, less = (bha.Arm(paths.with_values(parameters, {own: start * (1.0 + h)})) for h in (0.0, 1e-4, -1e-4))
     held = _core.held_poses(arm, PRESSURES, FLAT)
     moved = _core.moved_poses(arm, [more, less], PRESSURES, held, FLAT)
     slope = (one_by_one(more) - one_by_one(less)) / 2e-4

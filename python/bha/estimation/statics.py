@@ -119,8 +119,12 @@ def fit_statics(
     if not found:
         return None
     found.sort(key=lambda fit: fit.merit)
-    best = _refined(search, found[0].z, found[0].lags, 2) or found[0]
-    best = _refined(_poses(parameters, own, records, _LAST_CELLS), best.z, best.lags, 2) or best
+    best = found[0]
+    for poses in (search, _poses(parameters, own, records, _LAST_CELLS)):
+        finer = _refined(poses, best.z, best.lags, 2)
+        # An arm that its pressures hold in several poses may be found in others from here: what it was is then kept.
+        if finer is not None and finer.merit < best.merit + _RIVAL * best.channels:
+            best = finer
     near = found[0].merit + _RIVAL * found[0].channels
     return replace(best, rivals=tuple(fit for fit in found[1:] if fit.merit < near))
 
