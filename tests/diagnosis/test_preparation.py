@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bha.diagnosis import holdout, model, preparation, smoothing
+from bha.diagnosis import model, preparation, smoothing
 
 from .synthetic import one_section, record_of
 
@@ -59,16 +59,3 @@ def test_one_tangent_stiffness_changes_and_the_others_stay() -> None:
     assert plain.description(np.zeros(plain.size))["section"][0]["bellows"][0]["stiffness"][:3] == pytest.approx(
         plain.core["section"][0]["bellows"][0]["stiffness"]
     )
-
-
-def test_blocks_after_a_model_ran_away_compare_nothing() -> None:
-    def prediction(blocks: list[float]) -> holdout.Prediction:
-        return holdout.Prediction((), (), np.empty(0), np.array(blocks), 0.0, ())
-
-    right = prediction([1.0] * 8 + [np.nan] * 2)
-    wrong = prediction([4.0] * 10)
-    assert holdout.better(wrong, right) == pytest.approx(2.0**-8)
-    assert holdout.excesses(wrong, right) == pytest.approx([3.0, 0.0])
-    lost = prediction([1.0] + [np.nan] * 9)
-    assert holdout.better(wrong, lost) == 1.0
-    assert lost.mean_square == np.inf

@@ -27,8 +27,8 @@ def scored(kind: str, where: str, score: float = 1.0) -> Scored:
 def trial(*keys: tuple[str, str], squares: float = 0.0) -> Trial:
     """A refitted set; of its fit only what the rules of the search look at."""
     fit: Any = SimpleNamespace(squares=squares, prior=0.0, trust=1.0, residual=None, model=None)
-    prediction: Any = None
-    return Trial(tuple(candidate(*key) for key in keys), fit, prediction)
+    holdout: Any = None
+    return Trial(tuple(candidate(*key) for key in keys), fit, holdout)
 
 
 def test_the_best_of_another_kind_from_an_earlier_round_is_tried_again() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis.fit import Fit, Problem, columns, evaluate, project_states
-from bha.diagnosis.holdout import Holdout, Prediction, excesses
+from bha.diagnosis.holdout import Holdout, Prediction, rms_errors, share_removed
 from bha.diagnosis.select import Search
 
 if TYPE_CHECKING:
@@ -129,13 +129,13 @@ class Decision:
     closure: float
 
 
-def decide(search: Search, gap: GapTest, left: float, limits: Thresholds, tolerance: float = 0.0) -> Decision:
+def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, tolerance: float = 0.0) -> Decision:
     """The verdict on a finished or interrupted search.
 
     Args:
         search: the search.
         gap: the test of the gap.
-        left: RMS error of the best set over the noise's.
+        noise: RMS error of a right model on the held-out logs, m.
         limits: the thresholds.
         tolerance: what does not matter, m; for the reason.
     """
@@ -146,8 +146,8 @@ def decide(search: Search, gap: GapTest, left: float, limits: Thresholds, tolera
             "identify the arm first (bha identify), so that the search starts near to it",
             0.0,
         )
-    before, after = excesses(search.plain.prediction, search.best.prediction)
-    closure = 1.0 - after / before if before > 0.0 else 0.0
+    before, after = rms_errors(search.plain.prediction, search.best.prediction)
+    closure, left = share_removed(before, after, noise), after / noise
     if not gap.significant:
         return Decision(
             "equivalent",

@@ -15,7 +15,7 @@ from bha.diagnosis.camera import moved
 from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import Decision, GapTest
 from bha.diagnosis.fit import Fit, Problem
-from bha.diagnosis.holdout import Holdout
+from bha.diagnosis.holdout import Holdout, share_brought
 from bha.diagnosis.intervals import confidences, coordinate_draws
 from bha.diagnosis.model import EffectTerm, number_of
 from bha.diagnosis.places import nested
@@ -76,7 +76,7 @@ def describe(
     alike = excitation.Likenesses((), np.empty((0, 0)))
     if state.screening is not None and best:
         alike = excitation.compare(state.screening, signatures, best)
-    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed, best) if named else []
+    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed, best, errors[0]) if named else []
     confused = [e.kind for e in effects if e.one_of]
     confused += [other.kind for e in effects for other in e.one_of]
     values = {
@@ -181,6 +181,7 @@ def _effects(
     correlation: float,
     seed: int,
     best: dict[tuple[str, str], excitation.Best],
+    noise: float,
 ) -> list[Effect]:
     result = []
     draws = coordinate_draws(problem, final.fit, seed)
@@ -221,12 +222,20 @@ def _effects(
                 one_of=list(alike.values()),
                 empirical=empirical,
                 experiment=excitation.next_experiment(kinds, []) if alike else "",
-                gap_removed=state.shares.get(candidate.key, 0.0),
+                gap_removed=_removed(state, candidate.key, noise),
             )
         )
     # The most important one first, whatever the order in which they were found.
     result.sort(key=lambda e: -e.gap_removed)
     return _gathered(result, final.fit.model.core)
+
+
+def _removed(state: Search, key: tuple[str, str], noise: float) -> float:
+    """Share of the excess on the held-out logs that comes back when the set is refitted without an effect."""
+    smaller, larger = state.smaller.get(key), state.chosen or state.best
+    if smaller is None:
+        return 0.0
+    return share_brought(state.plain.prediction, smaller.prediction, larger.prediction, noise)
 
 
 def _alternative(trial: Trial, number: int) -> Alternative:

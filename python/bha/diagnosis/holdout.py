@@ -1,11 +1,10 @@
 """Prediction of logs that took no part in the fit: open loop, from an initial state estimated on each of them.
 
-What: outputs, error by block, and the test whether one model predicts better than another.
-Source: paired signed-rank test of Wilcoxon (1945) on the logarithms of the block errors: a few blocks with large errors
-do not decide.
-Open loop near the edge of stability a right model may run away while the arm does not; it is compared up to there.
-Validity: blocks longer than the errors are correlated, a second where the logs are long enough. In logs below some ten
-seconds they are shorter, neighbours are related, and the p-value is too small.
+What: outputs, errors by block, and the one metric of a diagnosis: the RMS error in metres over the blocks that count,
+and the share of its square beyond noise that effects remove (:func:`rms_errors`, :func:`share_removed`). The gap, the
+closure, the shares of single effects and the errors of candidates are all made of it.
+Open loop near the edge of stability a right model may run away while the arm does not; it is compared up to there, and
+a few blocks in which it errs by more than the plain model does anywhere count for neither.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from bha.diagnosis.fit import STATE_SPREAD, Fit, Problem, state_columns, state_units
 from bha.diagnosis.model import Model
@@ -25,7 +23,7 @@ Array = NDArray[np.float64]
 
 #: Length of a block, s, and its least length where the logs are too short for enough of them.
 HOLDOUT_BLOCK, SHORTEST_BLOCK = 1.0, 0.3
-#: Blocks that a rank test needs: with n of them its least p-value is 2^-n.
+#: Blocks that there are at least, where the logs are long enough.
 ENOUGH_BLOCKS = 10
 #: An arm that is this far off has run away, m; what it did in the last second before that does not count either.
 RUN_AWAY, BEFORE_RUN_AWAY = 0.3, 1.0
@@ -33,6 +31,9 @@ RUN_AWAY, BEFORE_RUN_AWAY = 0.3, 1.0
 LEAST_COUNTED = 0.3
 #: Share of the blocks before a model runs away that is enough to compare it.
 LEAST_VALID = 0.4
+#: A block in which a model errs by so many times what the plain model does in its worst one is one of a swing that ran
+#: off, and does not count, if these are no more than a few: this share of the blocks.
+RAN_OFF, FEW = 2.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,9 @@ class Prediction:
         states: estimated initial states.
         white: white residual of all logs.
         blocks: mean square of the white residual of each block with readings; NaN where the model has run away.
-        rms: open-loop error over all logs and channels, m.
+        squares: sum of the squared errors of each such block over all channels, m^2; NaN where it has run away.
+        counts: number of readings in each.
+        rms: error over all readings of all logs and channels, run away or not, m.
         until: time of each log up to which the model has not run away, s; infinite where it never does.
     """
 
@@ -52,6 +55,8 @@ class Prediction:
     states: tuple[Array, ...]
     white: Array
     blocks: Array
+    squares: Array
+    counts: Array
     rms: float
     until: tuple[float, ...]
 
@@ -73,29 +78,25 @@ class Holdout:
 
     def predict(self, model: Model, x: Array) -> Prediction:
         """Open-loop prediction; rows from where a run runs away do not count."""
-        fit, until = self._evaluate(model, x, self._states)
+        fit, until, rms = self._evaluate(model, x, self._states)
         if self._sensitivities is None and np.isfinite(fit.cost):
             self._sensitivities = state_columns(self.problem, fit)
         for _ in range(2):
             if self._sensitivities is None or not np.isfinite(fit.cost):
                 break
-            trial, later = self._evaluate(model, x, self._improved(fit, self._sensitivities))
+            trial, later, error = self._evaluate(model, x, self._improved(fit, self._sensitivities))
             if not trial.cost < fit.cost:
                 break
-            fit, until = trial, later
-        return self._prediction(fit, until)
+            fit, until, rms = trial, later, error
+        return predicted(self.problem, fit.outputs, fit.states, fit.residual, until, rms)
 
-    def _evaluate(self, model: Model, x: Array, states: Sequence[Array]) -> tuple[Fit, tuple[float, ...]]:
-        """The model at ``x``; where it has run away the outputs are those measured, so that nothing is made of them."""
-        outputs, until = [], []
-        for record, y in zip(self.problem.records, self.problem.simulate(model, x, states), strict=True):
-            far = ~np.all(np.abs(y - record.measured) < RUN_AWAY, axis=1)
-            time = record.time
-            end = float(time[np.argmax(far)]) - BEFORE_RUN_AWAY if np.any(far) else np.inf
-            outputs.append(np.where((time < end)[:, None], y, record.measured))
-            until.append(end)
+    def _evaluate(self, model: Model, x: Array, states: Sequence[Array]) -> tuple[Fit, tuple[float, ...], float]:
+        """The model at ``x`` up to where it runs away, and its error over all rows, m."""
+        raw = self.problem.simulate(model, x, states)
+        outputs, until = up_to_run_away(self.problem, raw)
         residual = self.problem.residual(outputs)
-        return Fit(model, x, tuple(states), tuple(outputs), residual, float(residual @ residual)), tuple(until)
+        fit = Fit(model, x, tuple(states), outputs, residual, float(residual @ residual))
+        return fit, until, error_of(self.problem, raw)
 
     def _improved(self, fit: Fit, sensitivities: Sequence[Array]) -> list[Array]:
         units = state_units(len(fit.states[0]) // 2)
@@ -107,60 +108,110 @@ class Holdout:
             states.append(state + np.linalg.solve(normal, jacobian.T @ fit.residual[part] / weight) * units)
         return states
 
-    def _prediction(self, fit: Fit, until: tuple[float, ...]) -> Prediction:
-        squares, count = 0.0, 0
-        blocks: list[float] = []
-        length = block_length([float(np.ptp(w.time)) for w in self.problem.whiteners])
-        for record, whitener, part, y, end in zip(
-            self.problem.records, self.problem.whiteners, self.problem.slices(), fit.outputs, until, strict=True
-        ):
-            error = (record.measured - y)[record.usable & (record.time < end)[:, None]]
-            squares += float(np.sum(error**2))
-            count += error.size
-            white = fit.residual[part].reshape(whitener.kept, -1)
-            share = np.interp(whitener.time, record.time, np.mean(record.usable, axis=1))
-            for s in block_edges(whitener.time, length):
-                counted = float(np.mean(share[s]))
-                # What does not count is zero in the white rows. A block without readings says nothing, of any model.
-                if counted >= LEAST_COUNTED:
-                    square = float(np.mean(white[s] ** 2)) / counted
-                    blocks.append(square if whitener.time[s][-1] < end else np.nan)
-        rms = float(np.sqrt(squares / count)) if count else np.inf
-        return Prediction(fit.outputs, fit.states, fit.residual, np.array(blocks), rms, until)
+
+def up_to_run_away(problem: Problem, outputs: Sequence[Array]) -> tuple[tuple[Array, ...], tuple[float, ...]]:
+    """Simulated outputs of each log, from where they run away on those measured, so that nothing is made of them.
+
+    The second are the times from which on they are, s; infinite where that is never.
+    """
+    kept, until = [], []
+    for record, y in zip(problem.records, outputs, strict=True):
+        far = ~np.all(np.abs(y - record.measured) < RUN_AWAY, axis=1)
+        time = record.time
+        end = float(time[np.argmax(far)]) - BEFORE_RUN_AWAY if np.any(far) else np.inf
+        kept.append(np.where((time < end)[:, None], y, record.measured))
+        until.append(end)
+    return tuple(kept), tuple(until)
+
+
+def error_of(problem: Problem, outputs: Sequence[Array]) -> float:
+    """RMS error over all readings, m; a million where a run diverged."""
+    errors = [(r.measured - y)[r.usable] for r, y in zip(problem.records, outputs, strict=True)]
+    found = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return min(found, 1e6) if np.isfinite(found) else 1e6
+
+
+def predicted(
+    problem: Problem,
+    outputs: tuple[Array, ...],
+    states: tuple[Array, ...],
+    white: Array,
+    until: tuple[float, ...],
+    rms: float,
+) -> Prediction:
+    """A prediction from its outputs, with its errors block by block."""
+    blocks: list[float] = []
+    squares: list[float] = []
+    counts: list[int] = []
+    length = block_length([float(np.ptp(w.time)) for w in problem.whiteners])
+    for record, whitener, part, y, end in zip(
+        problem.records, problem.whiteners, problem.slices(), outputs, until, strict=True
+    ):
+        error = np.where(record.usable, record.measured - y, 0.0)
+        rows = white[part].reshape(whitener.kept, -1)
+        edges = block_edges(whitener.time, length)
+        ends = [*np.searchsorted(record.time, [whitener.time[s.start] for s in edges[1:]]), len(record.time)]
+        begin = 0
+        for s, stop in zip(edges, ends, strict=True):
+            own, begin = slice(begin, int(stop)), int(stop)
+            readings = int(np.count_nonzero(record.usable[own]))
+            counted = readings / max(1, record.usable[own].size)
+            # What does not count is zero in the white rows. A block without readings says nothing, of any model.
+            if counted >= LEAST_COUNTED:
+                before = whitener.time[s][-1] < end
+                blocks.append(float(np.mean(rows[s] ** 2)) / counted if before else np.nan)
+                squares.append(float(np.sum(error[own] ** 2)) if before else np.nan)
+                counts.append(readings)
+    return Prediction(outputs, states, white, np.array(blocks), np.array(squares), np.array(counts), rms, until)
 
 
 def block_length(durations: Sequence[float]) -> float:
-    """Length of the blocks of logs of these durations, s: shorter than usual where a rank test had too few."""
+    """Length of the blocks of logs of these durations, s: shorter than usual where there were too few."""
     return float(np.clip(sum(durations) / ENOUGH_BLOCKS, SHORTEST_BLOCK, HOLDOUT_BLOCK))
 
 
-def both(first: Prediction, second: Prediction) -> tuple[Array, Array]:
-    """Blocks of two predictions in which neither model has run away; none if they are too few."""
-    valid = np.isfinite(first.blocks) & np.isfinite(second.blocks)
-    if np.mean(valid) < LEAST_VALID:
-        valid[:] = False
-    return first.blocks[valid], second.blocks[valid]
+def counted(plain: Prediction, *others: Prediction) -> NDArray[np.bool_]:
+    """Which blocks count when ``others`` are compared with the plain model: the same for all of them."""
+    compared = (plain, *others)
+    valid = np.all([np.isfinite(p.squares) for p in compared], axis=0)
+    if not np.any(valid):
+        return np.asarray(valid)
+    worst = np.max(plain.squares[valid] / plain.counts[valid])
+    with np.errstate(invalid="ignore"):
+        off = valid & np.any([p.squares / p.counts > RAN_OFF**2 * worst for p in compared], axis=0)
+    return np.asarray(valid & ~off if np.mean(off[valid]) <= FEW else valid)
 
 
-def better(without: Prediction, with_it: Prediction) -> float:
-    """One-sided p-value that the second prediction is no better than the first."""
-    before, after = both(without, with_it)
-    difference = np.log(before) - np.log(after)
-    if len(difference) == 0 or np.all(np.abs(difference) < 1e-12):
-        return 1.0
-    return float(stats.wilcoxon(difference, alternative="greater").pvalue)
+def rms_errors(plain: Prediction, *others: Prediction) -> list[float]:
+    """RMS errors of the plain model and of others, m, over the blocks in which none has run away.
 
-
-def excesses(*predictions: Prediction) -> list[float]:
-    """Mean square above that of noise of several predictions, over the blocks in which no model has run away.
-
-    The mean is geometric, over blocks: near the edge of stability a few blocks of a right model may hold more error
-    than all others together.
+    Infinite where these are too few: such models have been compared with nothing.
     """
-    valid = np.all([np.isfinite(p.blocks) for p in predictions], axis=0)
-    if np.mean(valid) < LEAST_VALID:
-        return [0.0 for _ in predictions]
-    return [max(0.0, float(np.exp(np.mean(np.log(p.blocks[valid])))) - 1.0) for p in predictions]
+    which = counted(plain, *others)
+    if np.mean(which) < LEAST_VALID:
+        return [np.inf for _ in (plain, *others)]
+    readings = float(np.sum(plain.counts[which]))
+    return [float(np.sqrt(np.sum(p.squares[which]) / readings)) for p in (plain, *others)]
+
+
+def excess(error: float, noise: float) -> float:
+    """What an RMS error holds beyond that of noise, in squares, m^2: squares of what is independent add up."""
+    return max(0.0, error**2 - noise**2)
+
+
+def share_removed(before: float, after: float, noise: float) -> float:
+    """Share of the excess of the error ``before`` that is gone in ``after``, all RMS, m; 0 where there was none."""
+    if not np.isfinite(before) or not np.isfinite(after) or excess(before, noise) == 0.0:
+        return 0.0
+    return 1.0 - excess(after, noise) / excess(before, noise)
+
+
+def share_brought(plain: Prediction, smaller: Prediction, larger: Prediction, noise: float) -> float:
+    """Share of the plain model's excess that is gone with a larger set and is not with a smaller; ``noise`` RMS, m."""
+    before, more, less = rms_errors(plain, smaller, larger)
+    if not np.isfinite(before) or excess(before, noise) == 0.0:
+        return 0.0
+    return (excess(more, noise) - excess(less, noise)) / excess(before, noise)
 
 
 def thinned(prediction: Prediction, factor: int) -> Prediction:

@@ -1,13 +1,14 @@
 """Refits: candidates together with the plain parameters, by simulation, compared by an information criterion.
 
-Source: Schwarz 1978 with an effective sample size from the residual's autocorrelation (Thiebaux and Zwiers 1984):
-numbers that err together count once.
+Source: Schwarz 1978 with the effective sample size of the residual's memory (:mod:`bha.diagnosis.memory`): numbers that
+err together count once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,11 @@ from numpy.typing import NDArray
 from bha.diagnosis.candidate import Candidate, Ranges
 from bha.diagnosis.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
 from bha.diagnosis.holdout import Holdout, Prediction
+from bha.diagnosis.memory import by_log, numbers_per_independent
 from bha.diagnosis.steps import resolved
 from bha.errors import ConvergenceError
 
 Array = NDArray[np.float64]
-
-#: Longest lag of the autocorrelation, s.
-LAG_TIME = 2.0
 
 
 @dataclass(frozen=True)
@@ -31,12 +30,17 @@ class Trial:
     Attributes:
         candidates: its effects, in the order of the model.
         fit: the fit.
-        prediction: the held-out logs under it.
+        holdout: the held-out logs.
     """
 
     candidates: tuple[Candidate, ...]
     fit: Fit
-    prediction: Prediction
+    holdout: Holdout
+
+    @cached_property
+    def prediction(self) -> Prediction:
+        """The held-out logs under it: made when first asked for, since no search decides by it."""
+        return self.holdout.predict(self.fit.model, self.fit.x)
 
     @property
     def key(self) -> tuple[tuple[str, str], ...]:
@@ -55,25 +59,8 @@ class Trial:
 
 
 def correlation_length(problem: Problem, white: Array) -> float:
-    """By how much neighbouring numbers of the white residual err together: rows per independent row, at least one."""
-    total, weight = 0.0, 0.0
-    for part, whitener in zip(problem.slices(), problem.whiteners, strict=True):
-        rows = white[part].reshape(whitener.kept, -1)
-        span = float(whitener.time[-1] - whitener.time[0])
-        lags = max(2, int(LAG_TIME / span * whitener.kept))
-        for k in range(rows.shape[1]):
-            y = rows[:, k] - np.mean(rows[:, k])
-            power = float(y @ y)
-            if power <= 0.0:
-                continue
-            spectrum = np.abs(np.fft.rfft(y, 2 * len(y))) ** 2
-            correlation = np.fft.irfft(spectrum)[:lags] / power
-            # Sum up to where the correlation is lost; beyond, its noise only adds up.
-            below = np.flatnonzero(correlation < 0.05)
-            end = int(below[0]) if len(below) else lags
-            total += power * (1.0 + 2.0 * float(np.sum(correlation[1:end])))
-            weight += power
-    return max(1.0, total / weight) if weight > 0.0 else 1.0
+    """By how much the numbers of the white residual err together: numbers per independent one, at least one."""
+    return numbers_per_independent(*by_log(problem, white))
 
 
 def criterion(squares: float, size: int, rows: int, correlation: float) -> float:
@@ -160,7 +147,7 @@ def refit(
             return None
         fit = restarted(problem, fit)
         store(problem, fit, name)
-    return Trial(tuple(candidates), fit, holdout.predict(model, fit.x))
+    return Trial(tuple(candidates), fit, holdout)
 
 
 def drop(start: Fit, index: int) -> Fit:
@@ -186,4 +173,4 @@ def without(problem: Problem, holdout: Holdout, trial: Trial, index: int, *, ite
         return None
     fit = restarted(problem, fit)
     rest = tuple(c for k, c in enumerate(trial.candidates) if k != index)
-    return Trial(rest, fit, holdout.predict(fit.model, fit.x))
+    return Trial(rest, fit, holdout)

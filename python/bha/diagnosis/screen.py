@@ -23,6 +23,7 @@ from bha.arm.variants import arm_of, with_effects
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.fit import Fit, Problem, project_states
+from bha.diagnosis.memory import draws_like
 from bha.diagnosis.model import Core, runs_of
 from bha.diagnosis.places import members, place_of, places
 from bha.diagnosis.plan import KindPlan
@@ -35,6 +36,9 @@ Array = NDArray[np.float64]
 
 #: Probes that are simulated in one go.
 BATCH = 96
+#: Draws of the residual that say what the best of all candidates explains by chance: p-values are no finer than one in
+#: as many.
+CHANCE_DRAWS = 199
 
 
 @dataclass(frozen=True)
@@ -217,18 +221,33 @@ class Screening:
         ranking: all candidates by score, the best first.
         gram: inner products of the projected probes, shape (probes, probes).
         inner: inner products of the projected probes with the residual.
+        total: sum of squares of the projected residual: what scores are shares of.
+        by_chance: share of its sum of squares that the best of all candidates explains of a residual that has the
+            memory of this one and no cause among them, in ascending order, one a draw.
     """
 
     ranking: tuple[Scored, ...]
     gram: Array
     inner: Array
+    total: float
+    by_chance: Array
+
+    def chance(self, gain: float) -> float:
+        """Family-wise p-value: how often the best candidate brings ``gain`` in sum of squares, or more, by chance."""
+        above = len(self.by_chance) - int(np.searchsorted(self.by_chance, gain / max(self.total, 1e-300)))
+        return (1.0 + above) / (1.0 + len(self.by_chance))
 
 
-def score(problem: Problem, fit: Fit, signatures: Signatures) -> Screening:
-    """Score all candidates against the residual of ``fit``, which has its sensitivities."""
+def score(problem: Problem, fit: Fit, signatures: Signatures, seed: int = 0) -> Screening:
+    """Score all candidates against the residual of ``fit``, which has its sensitivities.
+
+    The same scores of draws of residuals with the memory of this one say what the best of so many brings by chance;
+    ``seed`` is theirs.
+    """
     complement = Complement(problem, fit)
-    rest = complement(fit.residual[:, None])[:, 0]
-    total = float(rest @ rest)
+    rng = np.random.default_rng([seed, 23])
+    rest = complement(np.column_stack([fit.residual, draws_like(problem, fit.residual, CHANCE_DRAWS, rng)]))
+    totals = np.einsum("ij,ij->j", rest, rest)
     projected = np.empty_like(signatures.table)
     for first in range(0, projected.shape[1], 32):
         projected[:, first : first + 32] = complement(signatures.table[:, first : first + 32])
@@ -236,17 +255,22 @@ def score(problem: Problem, fit: Fit, signatures: Signatures) -> Screening:
     inner = (projected.T @ rest.astype(np.float32)).astype(np.float64)
     raw = np.einsum("ij,ij->j", signatures.table, signatures.table, dtype=np.float64)
     found = []
+    by_chance = np.zeros(CHANCE_DRAWS)
     for candidate, columns in zip(signatures.candidates, signatures.columns, strict=True):
         k = len(columns)
-        normal, right, size = np.zeros((k, k)), np.zeros(k), np.zeros(k)
+        normal, size = np.zeros((k, k)), np.zeros(k)
+        right = np.array([inner[list(parts)].sum(axis=0) for parts in columns])
         for a in range(k):
-            right[a] = inner[list(columns[a])].sum()
             size[a] = raw[list(columns[a])].sum()
             for b in range(k):
                 normal[a, b] = gram[np.ix_(columns[a], columns[b])].sum()
-        value, strengths, deviation = _best(candidate, normal, right, size)
-        found.append(Scored(candidate, value, strengths, value / max(total, 1e-300), deviation))
-    return Screening(tuple(sorted(found, key=lambda s: -s.score)), gram, inner)
+        values, strengths, deviation = _best(candidate, normal, right, size)
+        share = values / np.maximum(totals, 1e-300)
+        np.maximum(by_chance, share[1:], out=by_chance)
+        own = tuple(float(v) for v in strengths[:, 0])
+        found.append(Scored(candidate, float(values[0]), own, float(share[0]), deviation))
+    ranking = tuple(sorted(found, key=lambda s: -s.score))
+    return Screening(ranking, gram, inner[:, 0], float(totals[0]), np.sort(by_chance))
 
 
 def likenesses(screening: Screening, signatures: Signatures, which: Sequence[int]) -> Array:
@@ -278,23 +302,25 @@ def likenesses(screening: Screening, signatures: Signatures, which: Sequence[int
     return result
 
 
-def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tuple[float, tuple[float, ...], float]:
-    """Score and strengths of one candidate; directions that the plain parameters can do count for nothing."""
+def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tuple[Array, Array, float]:
+    """Scores, shape (draws,), and strengths, shape (k, draws), of one candidate for ``right``, shape (k, draws).
+
+    Directions that the plain parameters can do count for nothing. The last is the deviation of its first strength.
+    """
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     alive = values > 1e-6
     if not np.any(alive) or np.all(np.diag(normal) < 1e-7 * size):
-        return 0.0, tuple(0.0 for _ in right), np.inf
+        return np.zeros(right.shape[1]), np.zeros(right.shape), np.inf
     parts = vectors[:, alive]
-    strengths = (parts @ ((parts.T @ (right / scale)) / values[alive])) / scale
+    strengths = (parts @ ((parts.T @ (right / scale[:, None])) / values[alive, None])) / scale[:, None]
     plan = candidate.plan
     deviation = float(1.0 / scale[0])
     if len(right) == 1 and not plan.strengths and plan.begin is None:
         # The probe is the whole effect: it counts with about its own strength.
-        strength = min(max(float(right[0] / normal[0, 0]), 0.5), 2.0)
-        value = 2.0 * strength * float(right[0]) - strength**2 * float(normal[0, 0])
-        return max(0.0, value), (strength,), deviation
+        strengths = np.clip(right / normal[0, 0], 0.5, 2.0)
+        return np.maximum(0.0, (2.0 * strengths * right - strengths**2 * normal[0, 0])[0]), strengths, deviation
     signed = plan.strengths[0].signed if plan.strengths else False
-    if len(right) == 1 and not signed and strengths[0] < 0.0:
-        return 0.0, (0.0,), deviation
-    return float(right @ strengths), tuple(float(s) for s in strengths), deviation
+    if len(right) == 1 and not signed:
+        strengths = np.maximum(strengths, 0.0)
+    return np.einsum("kj,kj->j", right, strengths), strengths, deviation

@@ -1,8 +1,12 @@
-"""Which effects: forward by training score, swaps among look-alikes, backward by prediction of held-out blocks.
+"""Which effects: forward by training score, swaps among look-alikes, backward by prediction of logs that are left out.
 
-What: the search over sets of effects. A held-out gate at each forward step would refuse a true first effect while
-others are still missing, so the gates come last.
-Source: rules as measured on simulated arms (docs/explanation/diagnosis.md); Wilcoxon 1945, Schwarz 1978.
+What: the search over sets of effects, on training logs alone: held-out logs certify what it found and decide nothing
+here. An effect is real where the best of all candidates in all places would hardly bring as much by chance
+(:mod:`bha.diagnosis.screen`), and it matters where it helps to predict training logs from the others
+(:mod:`bha.diagnosis.crossing`). The latter at each forward step would refuse a true first effect while others are
+still missing, so it comes last.
+Source: family-wise error rates by the distribution of the greatest score, Westfall and Young 1993; Schwarz 1978; rules
+as measured on simulated arms (docs/explanation/diagnosis.md).
 """
 
 from __future__ import annotations
@@ -14,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis.candidate import Candidate, Ranges
+from bha.diagnosis.crossing import crossed
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve, with_sensitivities
-from bha.diagnosis.holdout import Holdout, better, excesses
+from bha.diagnosis.holdout import Holdout, share_brought
 from bha.diagnosis.places import members
 from bha.diagnosis.refit import Trial, bic, correlation_length, refit, store, stored, without
 from bha.diagnosis.screen import Scored, Screening, Signatures, score
@@ -38,18 +43,18 @@ class Rules:
         most: most effects.
         tried: candidates that are refitted in the first round, and in later ones.
         per_kind: candidates of one kind among them.
-        forward: drop of the criterion that lets an effect in.
+        chance: greatest probability that the best of all candidates brings as much by chance, with which an effect, or
+            a further element of one, is taken in and kept.
         swap: drop of the criterion that swaps an effect for a look-alike.
-        backward: drop of the criterion that keeps it.
-        rank: greatest p-value of the paired rank test on held-out blocks that keeps it.
-        share: least share of the excess error on held-out blocks that it has to remove.
+        share: least share of the plain model's excess error on left-out training logs that it has to remove.
         worth: least share of the plain model's excess on the training logs for which a further effect is sought.
         rest: least share of what the effects so far leave of that excess; reaching this one is enough, too: beside a
             strong effect a weaker one counts that explains much of what the strong one does not.
         near: a candidate is refitted if it promises at least this share of what the best one does.
         like: the same for a look-alike against what it would replace.
         bound: a candidate on a bound gives way to one that is not and brings at least this share of its gain.
-        element: least share of what is left of the training error that a further branch or stage has to remove.
+        element: least share of what is left of the excess error, on training logs as they are fitted and as they are
+            left out, that a further branch or stage has to remove.
         refined: a runner-up is refined too if it brings at least this share of what the first one brings.
         narrow: share of its gain by which a narrower place has to be better, where the cost has several valleys.
     """
@@ -57,10 +62,8 @@ class Rules:
     most: int = 4
     tried: tuple[int, int] = (4, 3)
     per_kind: int = 2
-    forward: float = 10.0
+    chance: float = 0.01
     swap: float = 4.0
-    backward: float = 10.0
-    rank: float = 0.02
     share: float = 0.025
     worth: float = 0.02
     rest: float = 0.3
@@ -84,7 +87,7 @@ class Search:
         trials: all refitted sets.
         rivals: for every round its trials with one more effect than before, best first.
         notes: what was decided and why.
-        shares: of each effect of the best set the share of the excess on held-out logs that comes back without it.
+        smaller: the best set without each of its effects, as they were last pruned.
         chosen: the best set before further elements of its effects were sought: what rivals are compared with.
         complete: whether the search came to its end.
     """
@@ -96,7 +99,7 @@ class Search:
     trials: list[Trial] = field(default_factory=list)
     rivals: list[list[Trial]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    shares: dict[tuple[str, str], float] = field(default_factory=dict)
+    smaller: dict[tuple[str, str], Trial] = field(default_factory=dict)
     chosen: Trial | None = None
     complete: bool = False
 
@@ -134,20 +137,24 @@ def search(
     ranges: Ranges,
     rules: Rules,
     say: Say,
+    noise: float,
     state: Search | None = None,
 ) -> Search:
-    """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete."""
+    """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete.
+
+    ``noise`` is the RMS error of a right model on the training logs, m.
+    """
     if state is None:
-        first = Trial((), plain, holdout.predict(plain.model, plain.x))
+        first = Trial((), plain, holdout)
         state = Search(first, first, rules)
     try:
         _forward(problem, holdout, signatures, ranges, rules, say, state)
         # What is needless goes first: swaps are only worth their time among what stays.
-        _backward(problem, holdout, rules, say, state)
+        _backward(problem, holdout, signatures, rules, say, noise, state)
         if _swap(problem, holdout, signatures, ranges, rules, say, state):
-            _backward(problem, holdout, rules, say, state)
+            _backward(problem, holdout, signatures, rules, say, noise, state)
         state.chosen = state.best
-        _elements(problem, holdout, ranges, rules, say, state)
+        _elements(problem, holdout, signatures, ranges, rules, say, noise, state)
         state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted: the search is not complete")
@@ -183,16 +190,29 @@ def _forward(
         if not trials:
             return
         state.rivals.append(trials)
-        correlation = correlation_length(problem, trials[0].fit.residual)
-        gain = bic(current, problem, correlation) - bic(trials[0], problem, correlation)
-        if gain < rules.forward or current.fit.squares - trials[0].fit.squares < enough:
-            state.notes.append(f"{trials[0].label} lowers the criterion by {gain:.1f} only: not taken in")
+        chance = screening.chance(_gain(current, trials[0]))
+        if chance > rules.chance:
+            state.notes.append(f"not taken in: {trials[0].label}, {_by_chance(chance)}")
+            return
+        if current.fit.squares - trials[0].fit.squares < enough:
+            share = 100.0 * enough / max(worth / rules.worth, 1e-9)
+            state.notes.append(f"not taken in: {trials[0].label}, which removes less than {share:.2g} % of the excess")
             return
         state.best = trials[0]
-        state.notes.append(f"taken in: {trials[0].key[-1][0]} at {trials[0].key[-1][1]}, criterion lower by {gain:.1f}")
+        state.notes.append(f"taken in: {trials[0].key[-1][0]} at {trials[0].key[-1][1]}, {_by_chance(chance)}")
         if trials[0].fit.squares / problem.rows < NOISE_LEFT and number + 1 < rules.most:
             state.notes.append("what is left is noise: no further effect is sought")
             return
+
+
+def _gain(smaller: Trial, larger: Trial) -> float:
+    """Drop of the sum of squares from one set to another; their priors count as data."""
+    before, after = (t.fit.squares + t.fit.prior * t.fit.trust for t in (smaller, larger))
+    return before - after
+
+
+def _by_chance(chance: float) -> str:
+    return f"the best of all candidates brings as much by chance with p = {chance:.3f}"
 
 
 def _tried(
@@ -329,37 +349,37 @@ def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
         renew = list(range(len(fit.model.plain), fit.model.size))
         fit = improve(problem, fit, iterations=20, renew=renew, renewals=6, tolerance=1e-3)
         store(problem, fit, name)
-    return Trial(trial.candidates, fit, holdout.predict(fit.model, fit.x))
+    return Trial(trial.candidates, fit, holdout)
 
 
-def _backward(problem: Problem, holdout: Holdout, rules: Rules, say: Say, state: Search) -> None:
-    """Drop what the held-out logs do not need, the least needed first."""
+def _backward(
+    problem: Problem, holdout: Holdout, signatures: Signatures, rules: Rules, say: Say, noise: float, state: Search
+) -> None:
+    """Drop what helps to predict no left-out log, or may be there by chance, the least needed first."""
+    if not state.best.candidates:
+        return
+    plain = crossed(problem, state.plain.fit)
     while state.best.candidates:
         current = state.best
-        correlation = correlation_length(problem, current.fit.residual)
-        state.shares.clear()
+        own = crossed(problem, current.fit)
+        state.smaller.clear()
         weakest: tuple[float, Trial, str] | None = None
         for k in range(len(current.candidates)):
             say(f"pruning: without {current.key[k][0]} at {current.key[k][1]}")
             smaller = state.plain if len(current.candidates) == 1 else without(problem, holdout, current, k)
             if smaller is None:
                 continue
-            gain = bic(smaller, problem, correlation) - bic(current, problem, correlation)
-            p_value = better(smaller.prediction, current.prediction)
-            before, more, less = excesses(state.plain.prediction, smaller.prediction, current.prediction)
-            share = (more - less) / max(before, 1e-9)
-            state.shares[current.key[k]] = share
-            fails = [
-                text
-                for failed, text in (
-                    (gain < rules.backward, f"criterion {gain:.1f}"),
-                    (p_value > rules.rank, f"held-out rank test p = {p_value:.3f}"),
-                    (share < rules.share, f"removes {100 * share:.1f} % of the excess"),
-                )
-                if failed
-            ]
+            state.smaller[current.key[k]] = smaller
+            share = share_brought(plain, crossed(problem, smaller.fit), own, noise)
+            fails = (
+                f"removes {100 * share:.1f} % of the excess on left-out training logs" if share < rules.share else ""
+            )
+            if not fails:
+                known = state.screening if smaller is state.plain else None
+                chance = (known or score(problem, smaller.fit, signatures)).chance(_gain(smaller, current))
+                fails = _by_chance(chance) if chance > rules.chance else ""
             if fails and (weakest is None or share < weakest[0]):
-                weakest = (share, smaller, f"dropped: {current.key[k][0]} at {current.key[k][1]} ({', '.join(fails)})")
+                weakest = (share, smaller, f"dropped: {current.key[k][0]} at {current.key[k][1]} ({fails})")
         if weakest is None:
             return
         state.best = weakest[1]
@@ -398,7 +418,16 @@ def _swap(
     return swapped
 
 
-def _elements(problem: Problem, holdout: Holdout, ranges: Ranges, rules: Rules, say: Say, state: Search) -> None:
+def _elements(
+    problem: Problem,
+    holdout: Holdout,
+    signatures: Signatures,
+    ranges: Ranges,
+    rules: Rules,
+    say: Say,
+    noise: float,
+    state: Search,
+) -> None:
     """Second branches and stages of what was named: the names stay, their form comes nearer to the arm's.
 
     Not where the cost has several valleys: there another stage is a way into one of them.
@@ -410,12 +439,13 @@ def _elements(problem: Problem, holdout: Holdout, ranges: Ranges, rules: Rules, 
         if plan.further is None:
             continue
         current = state.best
-        correlation = correlation_length(problem, current.fit.residual)
         if current.fit.squares / problem.rows < NOISE_LEFT:
             return
         model = current.fit.model
         old = model.effects[k].parameters([float(v) for v in current.fit.x[model.place(k)]])
         start = with_sensitivities(problem, current.fit)
+        screening = score(problem, start, signatures)
+        own = crossed(problem, start)
         for shape in plan.further(old):
             say(f"a further element of {candidate.kind} at {candidate.where}")
             further = Candidate(plan, candidate.where, shape)
@@ -432,12 +462,10 @@ def _elements(problem: Problem, holdout: Holdout, ranges: Ranges, rules: Rules, 
             )
             if trial is None:
                 continue
-            gain = bic(current, problem, correlation) - bic(trial, problem, correlation)
+            chance = screening.chance(_gain(current, trial))
             left, gained = current.fit.squares - problem.rows, current.fit.squares - trial.fit.squares
-            needed = gain >= rules.forward and gained >= rules.element * left
-            if needed and better(current.prediction, trial.prediction) <= rules.rank:
-                state.notes.append(
-                    f"a further element of {candidate.kind} at {candidate.where}: criterion lower by {gain:.1f}"
-                )
+            needed = chance <= rules.chance and gained >= rules.element * left
+            if needed and share_brought(own, own, crossed(problem, trial.fit), noise) >= rules.element:
+                state.notes.append(f"a further element of {candidate.kind} at {candidate.where}: {_by_chance(chance)}")
                 state.best = trial
                 break
