@@ -15,7 +15,10 @@ from bha.diagnosis import crossing, holdout
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
 from bha.diagnosis.memory import memory, numbers_per_independent
+from bha.diagnosis.preparation import cut_to, thin
 from bha.diagnosis.screen import Signatures, score
+
+from .synthetic import record_of
 
 Array = NDArray[np.float64]
 
@@ -166,6 +169,27 @@ def test_gap_and_closure_are_one_number() -> None:
     assert holdout.share_brought(plain, plain, best, 1e-3) == pytest.approx(8.0 / 9.0)
     # Where the plain model leaves nothing but noise there is nothing to remove.
     assert holdout.share_removed(before, after, 4e-3) == 0.0
+
+
+def test_errors_are_counted_on_all_readings_of_a_log() -> None:
+    """A fit has fewer, smoother rows, whose noise is less: the error of a right model is the noise of the readings."""
+    rng = np.random.default_rng(4)
+    time = np.arange(4000) * 5e-3
+    motion = 0.1 * np.sin(2.0 * np.pi * np.column_stack([time, 0.7 * time, 0.3 * time]))
+    record = record_of(time, motion + 1e-3 * rng.standard_normal(motion.shape), np.full((4000, 3), 1e5))
+    fewer = thin(record, 3)
+    rows = len(fewer.rows)
+    problem: Any = SimpleNamespace(
+        records=[fewer],
+        whiteners=[SimpleNamespace(kept=rows, time=fewer.time)],
+        slices=lambda: [slice(0, 3 * rows)],
+    )
+    outputs = np.column_stack([np.interp(fewer.time, time, y) for y in motion.T])
+    readings = holdout.Readings((cut_to(record, fewer),))
+    made = holdout.predicted(problem, readings, (outputs,), (), np.ones(3 * rows), (np.inf,), 0.0)
+    assert holdout.rms_errors(made)[0] == pytest.approx(1e-3, rel=0.02)
+    assert np.sum(made.counts) == 3 * len(readings.records[0].rows)
+    assert made.mean_square == 1.0
 
 
 def test_blocks_after_a_model_ran_away_count_for_neither() -> None:

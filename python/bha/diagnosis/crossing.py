@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis.fit import STATE_SPREAD, Fit, Problem, project_states, state_units
-from bha.diagnosis.holdout import Prediction, error_of, predicted, up_to_run_away
+from bha.diagnosis.holdout import Prediction, Readings, error_of, predicted, up_to_run_away
 from bha.diagnosis.where import block_edges
 
 Array = NDArray[np.float64]
@@ -81,8 +81,11 @@ def without_groups(problem: Problem, fit: Fit, left_out: Sequence[Group]) -> lis
     return found
 
 
-def crossed(problem: Problem, fit: Fit) -> Prediction:
-    """Every training log as the others predict it, under the model of ``fit``, which has its sensitivities."""
+def crossed(problem: Problem, fit: Fit, readings: Readings) -> Prediction:
+    """Every training log as the others predict it, under the model of ``fit``, which has its sensitivities.
+
+    ``readings`` are those of the training logs.
+    """
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
     left_out = groups(problem)
@@ -104,4 +107,4 @@ def crossed(problem: Problem, fit: Fit) -> Prediction:
         own = (time >= group.begin) & (time < group.end)
         raw[group.log][own] = y[own]
     outputs, until = up_to_run_away(problem, raw)
-    return predicted(problem, outputs, fit.states, problem.residual(outputs), until, error_of(problem, raw))
+    return predicted(problem, readings, outputs, fit.states, problem.residual(outputs), until, error_of(problem, raw))

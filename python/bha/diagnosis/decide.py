@@ -33,9 +33,9 @@ class Thresholds:
     Attributes:
         deviations: standard deviations that the mean square has to lie above its expectation.
         model: relative uncertainty of the noise model, on the mean square.
-        material: least gap, RMS over noise, that is worth a name.
-        training: mean square of the white residual of the training logs from which there is a gap whatever the held-out
-            logs say: uncertain parameters excuse an error there, not on the logs they were fitted to.
+        material: least gap, RMS over noise, that is worth a name. On the training logs the same, in the white residual,
+            is a gap whatever the held-out logs say: uncertain parameters excuse an error there, not on the logs they
+            were fitted to.
         closure: least share of the excess that the named effects must remove.
         left: greatest error left over noise at which a closure below ``good_closure`` still counts as explained.
         good_closure: closure from which on any error left is a matter of the effect's form.
@@ -45,8 +45,7 @@ class Thresholds:
 
     deviations: float = 4.0
     model: float = 0.06
-    material: float = 1.1
-    training: float = 2.0
+    material: float = 1.3
     closure: float = 0.7
     left: float = 2.5
     good_closure: float = 0.8
@@ -111,7 +110,7 @@ def is_significant(mean_square: float, limit: float, ratio: float, training: flo
     # A model that runs away at once has been compared with nothing: that is a gap, whatever is left of the error.
     if not np.isfinite(mean_square):
         return True
-    return ratio > limits.material and (mean_square > limit or training > limits.training)
+    return ratio > limits.material and (mean_square > limit or training > limits.material**2)
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.fit import STATE_SPREAD, Fit, Problem, state_columns, state_units
 from bha.diagnosis.model import Model
 from bha.diagnosis.where import block_edges
+from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
@@ -67,12 +69,29 @@ class Prediction:
         return float(np.mean(self.blocks[valid])) if np.mean(valid) >= LEAST_VALID else np.inf
 
 
+@dataclass(frozen=True)
+class Readings:
+    """What errors in metres are counted on.
+
+    Attributes:
+        records: the logs at all their rows, where fits have fewer and smoother ones.
+    """
+
+    records: tuple[Record, ...]
+
+    def at(self, log: int, time: Array, outputs: Array) -> Array:
+        """Simulated outputs of a log at its readings; between the rows of the fit they are smooth."""
+        own = self.records[log].time
+        return outputs if len(own) == len(time) else np.asarray(CubicSpline(time, outputs)(own))
+
+
 class Holdout:
     """The held-out logs with their whitening and the sensitivities of their initial states."""
 
-    def __init__(self, problem: Problem, states: Sequence[Array]) -> None:
-        """The logs and first guesses of their initial states."""
+    def __init__(self, problem: Problem, states: Sequence[Array], readings: Readings) -> None:
+        """The logs, first guesses of their initial states, and what errors are counted on."""
         self.problem = problem
+        self.readings = readings
         self._states = tuple(states)
         self._sensitivities: tuple[Array, ...] | None = None
 
@@ -88,7 +107,7 @@ class Holdout:
             if not trial.cost < fit.cost:
                 break
             fit, until, rms = trial, later, error
-        return predicted(self.problem, fit.outputs, fit.states, fit.residual, until, rms)
+        return predicted(self.problem, self.readings, fit.outputs, fit.states, fit.residual, until, rms)
 
     def _evaluate(self, model: Model, x: Array, states: Sequence[Array]) -> tuple[Fit, tuple[float, ...], float]:
         """The model at ``x`` up to where it runs away, and its error over all rows, m."""
@@ -133,6 +152,7 @@ def error_of(problem: Problem, outputs: Sequence[Array]) -> float:
 
 def predicted(
     problem: Problem,
+    readings: Readings,
     outputs: tuple[Array, ...],
     states: tuple[Array, ...],
     white: Array,
@@ -144,24 +164,25 @@ def predicted(
     squares: list[float] = []
     counts: list[int] = []
     length = block_length([float(np.ptp(w.time)) for w in problem.whiteners])
-    for record, whitener, part, y, end in zip(
-        problem.records, problem.whiteners, problem.slices(), outputs, until, strict=True
+    for log, (whitener, part, y, end) in enumerate(
+        zip(problem.whiteners, problem.slices(), outputs, until, strict=True)
     ):
-        error = np.where(record.usable, record.measured - y, 0.0)
+        record = readings.records[log]
+        error = np.where(record.usable, record.measured - readings.at(log, problem.records[log].time, y), 0.0)
         rows = white[part].reshape(whitener.kept, -1)
         edges = block_edges(whitener.time, length)
         ends = [*np.searchsorted(record.time, [whitener.time[s.start] for s in edges[1:]]), len(record.time)]
         begin = 0
         for s, stop in zip(edges, ends, strict=True):
             own, begin = slice(begin, int(stop)), int(stop)
-            readings = int(np.count_nonzero(record.usable[own]))
-            counted = readings / max(1, record.usable[own].size)
+            number = int(np.count_nonzero(record.usable[own]))
+            counted = number / max(1, record.usable[own].size)
             # What does not count is zero in the white rows. A block without readings says nothing, of any model.
             if counted >= LEAST_COUNTED:
                 before = whitener.time[s][-1] < end
                 blocks.append(float(np.mean(rows[s] ** 2)) / counted if before else np.nan)
                 squares.append(float(np.sum(error[own] ** 2)) if before else np.nan)
-                counts.append(readings)
+                counts.append(number)
     return Prediction(outputs, states, white, np.array(blocks), np.array(squares), np.array(counts), rms, until)
 
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from bha.diagnosis.candidate import Candidate, Ranges
 from bha.diagnosis.crossing import crossed
-from bha.diagnosis.fit import Fit, Problem, evaluate, improve, with_sensitivities
-from bha.diagnosis.holdout import Holdout, share_brought
+from bha.diagnosis.fit import Problem, evaluate, improve, with_sensitivities
+from bha.diagnosis.holdout import Holdout, Readings, share_brought
 from bha.diagnosis.places import members
 from bha.diagnosis.refit import Trial, bic, correlation_length, refit, store, stored, without
 from bha.diagnosis.screen import Scored, Screening, Signatures, score
@@ -83,6 +83,8 @@ class Search:
         plain: the plain model.
         best: the best set so far.
         rules: its thresholds.
+        readings: the training logs, on which it counts errors.
+        noise: RMS error of a right model there, m.
         screening: the screening of the plain residual.
         trials: all refitted sets.
         rivals: for every round its trials with one more effect than before, best first.
@@ -94,7 +96,9 @@ class Search:
 
     plain: Trial
     best: Trial
-    rules: Rules = field(default_factory=Rules)
+    rules: Rules
+    readings: Readings
+    noise: float
     screening: Screening | None = None
     trials: list[Trial] = field(default_factory=list)
     rivals: list[list[Trial]] = field(default_factory=list)
@@ -132,29 +136,21 @@ def promising(
 def search(
     problem: Problem,
     holdout: Holdout,
-    plain: Fit,
     signatures: Signatures,
     ranges: Ranges,
     rules: Rules,
     say: Say,
-    noise: float,
-    state: Search | None = None,
+    state: Search,
 ) -> Search:
-    """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete.
-
-    ``noise`` is the RMS error of a right model on the training logs, m.
-    """
-    if state is None:
-        first = Trial((), plain, holdout)
-        state = Search(first, first, rules)
+    """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete."""
     try:
         _forward(problem, holdout, signatures, ranges, rules, say, state)
         # What is needless goes first: swaps are only worth their time among what stays.
-        _backward(problem, holdout, signatures, rules, say, noise, state)
+        _backward(problem, holdout, signatures, rules, say, state)
         if _swap(problem, holdout, signatures, ranges, rules, say, state):
-            _backward(problem, holdout, signatures, rules, say, noise, state)
+            _backward(problem, holdout, signatures, rules, say, state)
         state.chosen = state.best
-        _elements(problem, holdout, signatures, ranges, rules, say, noise, state)
+        _elements(problem, holdout, signatures, ranges, rules, say, state)
         state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted: the search is not complete")
@@ -353,15 +349,15 @@ def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
 
 
 def _backward(
-    problem: Problem, holdout: Holdout, signatures: Signatures, rules: Rules, say: Say, noise: float, state: Search
+    problem: Problem, holdout: Holdout, signatures: Signatures, rules: Rules, say: Say, state: Search
 ) -> None:
     """Drop what helps to predict no left-out log, or may be there by chance, the least needed first."""
     if not state.best.candidates:
         return
-    plain = crossed(problem, state.plain.fit)
+    plain = crossed(problem, state.plain.fit, state.readings)
     while state.best.candidates:
         current = state.best
-        own = crossed(problem, current.fit)
+        own = crossed(problem, current.fit, state.readings)
         state.smaller.clear()
         weakest: tuple[float, Trial, str] | None = None
         for k in range(len(current.candidates)):
@@ -370,7 +366,7 @@ def _backward(
             if smaller is None:
                 continue
             state.smaller[current.key[k]] = smaller
-            share = share_brought(plain, crossed(problem, smaller.fit), own, noise)
+            share = share_brought(plain, crossed(problem, smaller.fit, state.readings), own, state.noise)
             fails = (
                 f"removes {100 * share:.1f} % of the excess on left-out training logs" if share < rules.share else ""
             )
@@ -425,7 +421,6 @@ def _elements(
     ranges: Ranges,
     rules: Rules,
     say: Say,
-    noise: float,
     state: Search,
 ) -> None:
     """Second branches and stages of what was named: the names stay, their form comes nearer to the arm's.
@@ -445,7 +440,7 @@ def _elements(
         old = model.effects[k].parameters([float(v) for v in current.fit.x[model.place(k)]])
         start = with_sensitivities(problem, current.fit)
         screening = score(problem, start, signatures)
-        own = crossed(problem, start)
+        own = crossed(problem, start, state.readings)
         for shape in plan.further(old):
             say(f"a further element of {candidate.kind} at {candidate.where}")
             further = Candidate(plan, candidate.where, shape)
@@ -465,7 +460,10 @@ def _elements(
             chance = screening.chance(_gain(current, trial))
             left, gained = current.fit.squares - problem.rows, current.fit.squares - trial.fit.squares
             needed = chance <= rules.chance and gained >= rules.element * left
-            if needed and share_brought(own, own, crossed(problem, trial.fit), noise) >= rules.element:
+            if (
+                needed
+                and share_brought(own, own, crossed(problem, trial.fit, state.readings), state.noise) >= rules.element
+            ):
                 state.notes.append(f"a further element of {candidate.kind} at {candidate.where}: {_by_chance(chance)}")
                 state.best = trial
                 break

@@ -28,7 +28,7 @@ from bha.diagnosis.decide import Thresholds, decide, gap_test, tolerant, without
 from bha.diagnosis.describe import describe
 from bha.diagnosis.engine import Engine
 from bha.diagnosis.fit import Problem, evaluate, with_sensitivities
-from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, rms_errors
+from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import intervals
 from bha.diagnosis.model import Model, plain_model
 from bha.diagnosis.noise import Whitener
@@ -135,10 +135,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     baseline = fit_baseline(model, prepared, engine, seed, cache, scatter)
     problem, plain_fit, engine = baseline.problem, baseline.fit, baseline.problem.engine
     holdout = _holdout(baseline, prepared, held, engine)
-    held = [cut_to(r, t) for r, t in zip(held, holdout.problem.records, strict=True)]
+    held = list(holdout.readings.records)
     first = Trial((), plain_fit, holdout)
     prediction = first.prediction
-    state = Search(first, first, rules)
+    noise_here = float(np.sqrt(np.mean(baseline.noise.floor**2)))
+    state = Search(first, first, rules, Readings(prepared.full), noise_here)
     if any(output.kind == "orientation" for log in logs for output in log.outputs):
         state.notes.append("orientations of heads take no part in a diagnosis, which weighs all outputs in metres")
     if len(logs) + len(holdout_logs) == 1:
@@ -178,8 +179,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     try:
         signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)
         if gap.significant and np.isfinite(gap.mean_square):
-            floor_here = float(np.sqrt(np.mean(baseline.noise.floor**2)))
-            search(problem, holdout, plain_fit, signatures, ranges, rules, say, floor_here, state)
+            search(problem, holdout, signatures, ranges, rules, say, state)
         else:
             state.screening = score(problem, plain_fit, signatures)
             state.complete = True
@@ -268,7 +268,8 @@ def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], eng
     model, x = baseline.fit.model, baseline.fit.x
     arm, camera = model.arm(x), model.camera(x)
     states = [first_state(arm, r.seen_by(camera), model.sections) for r in records]
-    return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states)
+    readings = Readings(tuple(cut_to(r, t) for r, t in zip(held, records, strict=True)))
+    return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states, readings)
 
 
 def _held_out_noise(baseline: Baseline, holdout: Holdout, prediction: Prediction, seed: int) -> tuple[Array, float]:
