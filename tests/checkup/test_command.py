@@ -41,6 +41,13 @@ def test_the_command_says_that_nothing_is_found(folder: Path) -> None:
     assert "q23" in said
 
 
+def test_what_a_machine_can_mend_is_mended_before_the_check(folder: Path) -> None:
+    said = run(folder / "arm.toml", folder / "wrong.csv", "--repair")
+    assert "0 faults" in said
+    assert "repaired, all logs: tubes exchanged: p11 and p12" in said.replace("wrong.csv", "all logs")
+    assert json.loads(run(folder / "arm.toml", folder / "wrong.csv", "--repair", "--json"))["repaired"]
+
+
 def test_the_command_names_the_fault_and_the_line(folder: Path) -> None:
     said = run(folder / "arm.toml", folder / "wrong.csv")
     assert "1 fault, 0 warnings" in said

@@ -25,19 +25,36 @@ def test_an_arm_of_three_sections_that_hangs_the_other_way(see: str, stands: boo
             assert found.faults[0].explanations[0].repair == f"gravity = [0, 0, {-9.81 if stands else 9.81}]"
 
 
-def test_a_soft_heavy_column_is_told_by_its_poses_and_rest_length_may_be_it_instead() -> None:
+def column(**other: object) -> bha.Arm:
+    """A soft heavy arm of one section with four chambers."""
     mapping = nominal(1)
     mapping["section"][0].update(
         mass=0.43, inertia=[1.5e-3, 1.5e-3, 4e-4], bellows_radius=0.03, bellows_outer_radius=0.02, terminal_area=6e-4,
         rest_length=0.29, stiffness=[600.0], damping=15.0, bending_stiffness=[0.5], length_range=[0.2, 0.42],
         pressure_range=[1.0e5, 1.6e5], bellows=[{"angle_deg": 90.0 * k, "input": f"p1{k + 1}"} for k in range(4)],
     )  # fmt: skip
-    arm = arm_of(mapping)
+    mapping["section"][0].update(other)
+    return arm_of(mapping)
+
+
+def test_what_a_rest_length_explains_as_well_is_no_gravity() -> None:
+    """A column that hangs or stands: twice its weight stretches it by what a tape measure is wrong by."""
+    arm = column()
     log = log_of(arm.with_changes(gravity=[0.0, 0.0, -9.81]), *steps(arm), see="lengths")
-    (finding,) = [f for f in bha.check(arm, log).findings if f.kind == "gravity"]
-    assert finding.explanations[0].repair == "gravity = [0, 0, -9.81]"
-    assert "rest_length = 0.28" in finding.explanations[1].repair
-    assert bha.check(arm, log_of(arm, *steps(arm), see="lengths")).faults == ()
+    found = bha.check(arm, log)
+    assert found.faults == ()
+    assert any("sign of gravity" in text for text in found.untold)
+    assert bha.check(column(rest_length=0.286), log_of(arm, *steps(arm), see="lengths")).faults == ()
+
+
+def test_an_arm_that_lies_sags_the_other_way() -> None:
+    arm = column(rest_length=0.286, stiffness=[900.0]).with_changes(gravity=[9.81, 0.0, 0.0])
+    plant = column()
+    for sign in (1.0, -1.0):
+        log = log_of(plant.with_changes(gravity=[sign * 9.81, 0.0, 0.0]), *steps(arm), see="lengths")
+        found = bha.check(arm, log)
+        assert [f.kind for f in found.faults] == ["gravity"] * (sign < 0.0), str(found)
+    assert found.faults[0].explanations[0].repair == "gravity = [-9.81, 0, 0]"
 
 
 def test_the_head_of_one_section_does_not_tell_and_that_is_said() -> None:

@@ -98,3 +98,11 @@ def test_a_proposal_is_a_log_of_commands_within_the_range(tmp_path: Path) -> Non
 
 def test_without_a_class_there_is_nothing_to_split() -> None:
     assert split(arm(), diagnosis(named()), OBSERVATION) is None
+
+
+def test_a_number_on_its_bound_is_varied_to_the_other_side() -> None:
+    time = np.arange(0.0, 8.0, 0.01)
+    pressures = 1.2e5 + 2e4 * np.sin(2 * np.pi * np.array([0.3, 0.5, 0.7]) * time[:, None])
+    greatest = {"kind": "tool_drag", "where": "section 1", "stiffness": 10000.0, "damping": 0.0, "drag": 0.0}
+    members = [arm(), one_section().with_effects([greatest])]
+    assert np.isfinite(apart(members, named(TILT), time, pressures, OBSERVATION, NOISE))

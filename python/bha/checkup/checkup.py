@@ -18,12 +18,15 @@ from bha.checkup.explain import LEAST_TURN, STANDARD_ERRORS, Verdict, judge
 from bha.checkup.facts import LogFacts, facts_of, read_pressures
 from bha.checkup.finding import Finding, merged, worst_first
 from bha.checkup.geometry import geometry_findings
-from bha.checkup.gravity import gravity_findings, sort_of_pressure_findings
+from bha.checkup.gravity import gravity_findings
+from bha.checkup.held import held_fit
 from bha.checkup.layout import MOST_SECTIONS, Layout, layout_of
 from bha.checkup.mend import Mend, in_words, mended_arm, mended_log
 from bha.checkup.one_log import OneLog, logs_apart
 from bha.checkup.ranges import length_findings, pressure_findings
 from bha.checkup.seen import Seen
+from bha.checkup.sort_of_pressure import sort_of_pressure_findings
+from bha.checkup.turned import turned_sections
 from bha.checkup.wiring import Evidence, evidence
 from bha.checkup.words import notes, untold, wiring_finding
 from bha.errors import LogWarning
@@ -85,6 +88,7 @@ class Checkup:
         return {
             "arm": self.arm_name,
             "faults": len(self.faults),
+            "repaired": list(self.repairs),
             "findings": [finding.to_mapping() for finding in self.findings],
             "not_told": list(self.untold),
             "logs": [log.to_mapping() for log in self.logs],
@@ -277,11 +281,19 @@ def _motions(
         told, verdict = apart[0].found, apart[0].verdict
     if wiring is not None or faults or blocked or odd:
         said.append("the sign of gravity is not checked before the faults above are mended")
-    else:
-        more, told_sign = gravity_findings(arm, framed, told, where)
-        found += more
-        if not told_sign:
-            said.append("the sign of gravity: reversed it explains the poses about as well, with another stiffness")
+        return found, said, (told, verdict)
+    filed = held_fit(arm, made)
+    turned = turned_sections(arm, made, told, verdict, filed)
+    pressures = np.mean([one.pressures.mean(axis=0) for one in framed], axis=0)
+    more, told_sign = gravity_findings(arm, made, pressures, told, where, filed)
+    if turned is not None and not any(finding.numbers["held"] > turned.gain for finding in more):
+        # One explanation at a time: the next is looked for when this one is mended.
+        verdict = replace(verdict, causes=(turned.cause,), gain=turned.gain)
+        wiring = wiring_finding(verdict, told, columns, axes, where)
+        more = [] if wiring is None else [wiring]
+    found += more
+    if not told_sign and not more:
+        said.append("the sign of gravity: reversed it explains the poses about as well, with other numbers")
     return found, said, (told, verdict)
 
 

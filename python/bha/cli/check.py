@@ -8,10 +8,10 @@ import click
 import numpy as np
 
 from bha.arm import Arm
-from bha.checkup import Checkup, check_recordings
+from bha.checkup import Checkup, check_recordings, repaired
 from bha.checkup.facts import Channel
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, table
-from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs
+from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs, repair_option
 from bha.recordings import PressureSort
 
 
@@ -21,6 +21,7 @@ from bha.recordings import PressureSort
 @pressures_option
 @missing_option
 @columns_option
+@repair_option
 @click.option("--plot", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False),
               help="Draw what the logs hold to this file (.png, .pdf, .svg; extra plot).")  # fmt: skip
 @json_option
@@ -31,17 +32,20 @@ def check(
     pressures: PressureSort | None,
     missing: bool,
     mapping: Path | None,
+    repair: bool,
     plot: Path | None,
     as_json: bool,
 ) -> None:
     """Check whether ARM (a parameter file or a shipped arm) and its LOGs belong together.
 
     Ranges, units, gauge for absolute pressure, numbers of the file, sign of gravity, exchanged tubes and sensors,
-    azimuth, camera. Each finding comes with its evidence and the line that repairs it.
+    azimuth, camera. Each finding comes with its evidence and the line that repairs it. With --repair what a machine can
+    mend is said to be mended, and what is found is what is left then.
     """
     with progress_bar(hidden=as_json) as bar:
         bar.add_task("reading", total=None)
-        found = check_recordings(arm, read_logs(arm, logs, pressures, missing, mapping))
+        read = read_logs(arm, logs, pressures, missing, mapping)
+        found = repaired(arm, read) if repair else check_recordings(arm, read)
     if plot is not None:
         from bha.plot import plot_checkup, write_figure  # noqa: PLC0415  (an optional extra)
 
@@ -73,6 +77,8 @@ def _print(found: Checkup) -> None:
     ]
     words = ", ".join(f"{n} {w}{'s' * (n != 1)}" for n, w in zip(counts, ("fault", "warning", "note"), strict=True))
     out.print(f"[bold]{words}[/bold]", highlight=False)
+    for text in found.repairs:
+        out.print(text, highlight=False, markup=False, soft_wrap=True)
     out.print(str(found), highlight=False, markup=False, soft_wrap=True)
 
 

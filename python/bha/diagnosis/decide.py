@@ -180,12 +180,18 @@ def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, toler
 
 
 def without_faults(verdict: Decision, faults: Sequence[Finding]) -> Decision:
-    """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended."""
-    if not faults or verdict.verdict == "equivalent":
+    """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended.
+
+    ``equivalent`` stays, for nothing is blamed there, and says them.
+    """
+    if not faults:
         return verdict
     first = faults[0]
     cause = f" ({first.explanations[0].what})" if first.explanations else ""
     more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
     where = f"{first.where}: " if first.kind == "wiring" and first.where != "all logs" else ""
     text = f"logs and file do not belong together: {where}{first.what}{cause}{more}; mend that first, see bha check"
+    if verdict.verdict == "equivalent":
+        # What the file has wrong hides in the plain numbers: they predict, and are not the arm's.
+        return replace(verdict, reason=f"{verdict.reason}; but {text}")
     return Decision("setup", text if verdict.verdict == "named" else f"{text}; {verdict.reason}", verdict.closure)

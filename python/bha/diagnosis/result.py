@@ -270,7 +270,7 @@ class Diagnosis(Table):
         excitation: what these logs can tell at all: classes of look-alikes, weak spots, the best next experiment.
         plain: re-identified plain parameters, each with what the file started with.
         setup: what is elsewhere than the file says without being physics of the arm (a camera), and what was repaired
-            before the diagnosis; of the verdict ``setup`` the faults. A text each.
+            before the diagnosis; the faults that a check has found first. A text each.
         logs: training logs, with noise and flaws of every channel.
         reason: why the verdict is what it is, in a sentence.
         complete: whether the search came to its end; false after Ctrl-C.

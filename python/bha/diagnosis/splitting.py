@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.errors import BhaError
+from bha.errors import BhaError, ParameterError
 from bha.estimation.free import apply, default_free, resolve
 from bha.estimation.programme import KINDS, Programme, bounded, commands
 from bha.logs import Log
@@ -174,13 +174,19 @@ def apart(
 
 
 def _stronger(arm: Arm) -> list[Arm]:
-    """The arm with each number of its last effect, but zeros, a little greater."""
+    """The arm with each number of its last effect, but zeros, a little greater, or less where it is on its bound."""
     effects = list(arm.parameters.effects)
     last, made = effects[-1], []
     for name, value in last.parameters.items():
-        if value:
-            table = {"kind": last.kind, "where": last.where, **last.parameters, name: value * (1.0 + CHANGE)}
-            made.append(arm.with_effects([*effects[:-1], table]))
+        if not value:
+            continue
+        for factor in (1.0 + CHANGE, 1.0 - CHANGE):
+            table = {"kind": last.kind, "where": last.where, **last.parameters, name: value * factor}
+            try:
+                made.append(arm.with_effects([*effects[:-1], table]))
+            except ParameterError:
+                continue
+            break
     return made
 
 

@@ -215,7 +215,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         lambda trial: rms_errors(prediction, trial.prediction)[1],
         tolerance,
     )
-    if verdict.verdict == "setup":
+    if faults:
         diagnosis = diagnosis.model_copy(update={"setup": [*(fault.in_a_line() for fault in faults), *diagnosis.setup]})
     if state.complete:
         cache.clear()

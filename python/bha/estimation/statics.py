@@ -51,6 +51,8 @@ _LEAST_LAG, _GREATEST_LAG = 1e-3, 30.0
 TURN = "sensors.camera_rotation.z"
 #: Cells of all records together: on the net, in the searches, in the last one.
 _NET_CELLS, _SEARCH_CELLS, _LAST_CELLS = 90, 240, 700
+#: Cells, and the tolerance of the search, where poses are only compared with those of other arms.
+_NEAR_CELLS, _NEAR_TOLERANCE = 120, 1e-2
 #: Least step of a grid, s, and how many points of the net are refined.
 _LEAST_STEP, _STARTS = 0.05, 4
 #: How much worse, in merit for each channel, a rival may be.
@@ -127,6 +129,32 @@ def fit_statics(
             best = finer
     near = found[0].merit + _RIVAL * found[0].channels
     return replace(best, rivals=tuple(fit for fit in found[1:] if fit.merit < near))
+
+
+def near_statics(
+    parameters: ArmParameters,
+    coordinates: Sequence[Coordinate],
+    records: Sequence[Record],
+    start: Statics | None = None,
+) -> Statics | None:
+    """The held poses next to the file's values, or to ``start``, on coarse cells: to compare arms by, no estimate.
+
+    ``start`` may be of fewer coordinates. Where its values hold no poses, the search begins at the best point of the
+    net; None where none does, or where nothing free acts on any.
+    """
+    own = tuple(c for c in coordinates if is_static(c))
+    if not own:
+        return None
+    poses = _poses(parameters, own, records, _NEAR_CELLS)
+    values = {} if start is None else start.values
+    z = np.array([c.coordinate(values[c.name]) if c.name in values else 0.0 for c in own])
+    lags = _best_lags(poses, poses.shown(z, poses.held(z))) if start is None else start.lags
+    # What is left at the start of a fit is the scale that a second round would take.
+    found = _refined(poses, z, lags, 2 if start is None else 1, tolerance=_NEAR_TOLERANCE)
+    if found is None and start is None:
+        net = _net(_poses(parameters, own, records, _NET_CELLS))
+        found = next((fit for z, lags in net[:1] if (fit := _refined(poses, z, lags, 2, tolerance=1e-3))), None)
+    return found
 
 
 def refit_statics(
