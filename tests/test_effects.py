@@ -75,7 +75,7 @@ def test_core_json_has_every_number() -> None:
     assert effects[0] == {
         "kind": "creep",
         "where": "section 2",
-        "parameters": {"stiffness": 120.0, "tau": 1.5},
+        "parameters": {"stiffness": 120.0, "tau": 1.5, "strain": 0.0},
         "force": None,
     }
     assert effects[2]["force"] == "-c * tanh(qd / v0)"
@@ -186,7 +186,8 @@ def test_every_kind_simulates_in_every_place(kind: str) -> None:
         trajectory = bha.simulate(with_effect, drive, dt=0.01)
         assert len(trajectory) == 7
         assert np.all(np.isfinite(trajectory.lengths))
-        measured = kind in ("length_offset", "length_gain") or (kind == "delay" and place not in ("all", "input"))
+        sensed = ("length_offset", "length_gain", "wire_backlash", "marker_offset")
+        measured = kind in sensed or (kind == "delay" and place not in ("all", "input"))
         assert (trajectory.measured_lengths is not None) == measured
         assert (trajectory[2:5].measured_lengths is not None) == measured
         assert np.all(

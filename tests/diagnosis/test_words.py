@@ -7,7 +7,14 @@ import pytest
 from bha.diagnosis.words import effect_in_words, number
 from bha.parameters import EFFECT_KINDS, Place
 
-PLACES = {"all": "all", "section": "section 2", "bellows": "bellows 32", "input": "input p13", "sensors": "sensors"}
+PLACES = {
+    "all": "all",
+    "section": "section 2",
+    "bellows": "bellows 32",
+    "input": "input p13",
+    "sensors": "sensors",
+    "heads": "heads",
+}
 
 
 @pytest.mark.parametrize("kind", sorted(EFFECT_KINDS))
@@ -36,6 +43,14 @@ def test_every_kind_has_a_sentence_at_each_of_its_places(kind: str) -> None:
         # What is measured is (1 + gain) times the length.
         ("length_gain", "bellows 11", {"gain": 0.02}, "the length sensor of bellows 1 of section 1 reads 2 % too much"),
         ("delay", "sensors", {"time": 0.03}, "the sensors are read 30 ms late"),
+        ("delay", "heads", {"time": 0.03}, "the heads are seen 30 ms late"),
+        (
+            "wire_backlash",
+            "bellows 11",
+            {"play": 4e-4},
+            "the length sensor of bellows 1 of section 1 has 0.4 mm of play to either side",
+        ),
+        ("leak", "input p12", {"drop": 2e3}, "the pressure of input p12 leaks: at 1 bar 2 kPa less arrive"),
         ("pressure_lag", "all", {"fill": 0.6, "vent": 0.6}, "all pressures lag by 0.6 s"),
         (
             "pressure_lag",

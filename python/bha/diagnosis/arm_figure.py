@@ -125,7 +125,7 @@ def _animated(
 def blamed_bellows(arm: Arm, effect: Effect) -> list[tuple[int, int]]:
     """Bellows (section, number, from 0) that an effect sits in; none of those that sit at a head."""
     place = Place.read(effect.where)
-    if place is None or effect.kind in AT_HEAD or place.sort == "sensors":
+    if place is None or effect.kind in AT_HEAD or place.sort in ("sensors", "heads"):
         return []
     inputs = [[bellows.input for bellows in section] for section in _bellows(arm)]
     if place.sort == "input":

@@ -29,7 +29,7 @@ from bha.support.files import UNFINISHED, written_whole
 from bha.support.locks import locked
 
 #: Raise it when results change for the same inputs.
-GENERATION = 3
+GENERATION = 4
 
 #: The folder, in that of the results.
 FOLDER = ".bha-diagnosis"

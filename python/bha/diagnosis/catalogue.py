@@ -17,6 +17,8 @@ from bha.errors import InputError
 from bha.parameters import EFFECT_KINDS
 
 TAU_GRID = (0.1, 0.35, 1.2, 4.0, 15.0)
+#: Yields of elements that slip at once.
+YIELD_GRID = (1e-3, 2.5e-3, 6e-3, 15e-3, 40e-3)
 #: Directions of walls, rad.
 DIRECTIONS = tuple(k * math.pi / 4.0 for k in range(8))
 #: Planes of bending, rad.
@@ -113,6 +115,7 @@ PLANS: tuple[KindPlan, ...] = (
         passive=("stiffness",),
         further=lambda old: [{"tau": 5.0 * old["tau"]}, {"tau": 0.2 * old["tau"]}],
         adding=("stiffness",),
+        bank=tuple({"tau": tau} for tau in TAU_GRID),
     ),
     KindPlan(
         "hysteresis",
@@ -121,8 +124,9 @@ PLANS: tuple[KindPlan, ...] = (
         (Shape("yield", (2e-3, 6e-3, 15e-3), low=8e-4),),
         parts="bellows",
         passive=("amplitude",),
-        further=lambda old: [{"yield": 3.0 * old["yield"]}, {"yield": old["yield"] / 3.0}],
+        further=lambda old: [{**old, "yield": factor * old["yield"]} for factor in (3.0, 1.0 / 3.0)],
         adding=("amplitude",),
+        bank=tuple({"yield": reach, "sharpness": 1.0} for reach in YIELD_GRID),
     ),
     KindPlan(
         "friction",
@@ -159,6 +163,8 @@ PLANS: tuple[KindPlan, ...] = (
         (Strength("by_pressure", 1e-6, signed=True), Strength("by_length", 1.0, signed=True)),
         parts="section",
     ),
+    # Of springs, pressure changes what it does of areas by length; of bending it is told.
+    KindPlan("pressure_stiffness", SECTION, (Strength("bending", 1e-6, signed=True),), parts="section"),
     KindPlan("weak_bellows", ("bellows",), (Strength("change", 0.15, signed=True),)),
     KindPlan(
         "payload",
@@ -203,12 +209,22 @@ PLANS: tuple[KindPlan, ...] = (
         further=lambda old: [{"tau": 0.25 * math.sqrt(old["fill"] * old["vent"])}],
         adding=("fill", "vent"),
     ),
-    KindPlan("delay", ("all",), (Strength("time", 0.02),)),
+    KindPlan("delay", ("all", "input"), (Strength("time", 0.02),), parts="input"),
+    # Where heads alone are measured, late inputs are the same.
+    KindPlan("delay", ("heads",), (Strength("time", 0.02),), needs_heads=True, needs_lengths=True),
     KindPlan("valve_dead_band", INPUT, (), (Shape("band", (300.0, 1000.0, 3000.0, 8000.0)),), parts="input"),
     KindPlan("pressure_offset", ("input",), (Strength("offset", 2e3, signed=True),)),
     KindPlan("pressure_gain", ("input",), (Strength("gain", 0.05, signed=True),)),
+    KindPlan("leak", INPUT, (Strength("drop", 2e3),), parts="input"),
     KindPlan("length_offset", ("length",), (Strength("offset", 3e-3, signed=True),), needs_lengths=True),
     KindPlan("length_gain", ("length",), (Strength("gain", 0.03, signed=True),), needs_lengths=True),
+    KindPlan("wire_backlash", ("length",), (Strength("play", 1e-3),), needs_lengths=True),
+    KindPlan(
+        "marker_offset",
+        ("section",),
+        tuple(Strength(axis, 0.01, signed=True) for axis in "xyz"),
+        needs_heads=True,
+    ),
     KindPlan(
         "torsion",
         SECTION,

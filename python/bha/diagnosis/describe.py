@@ -17,7 +17,7 @@ from bha.diagnosis.decide import Decision, GapTest
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.holdout import Holdout, share_brought
 from bha.diagnosis.intervals import confidences, coordinate_draws
-from bha.diagnosis.model import EffectTerm, number_of
+from bha.diagnosis.model import element_of, number_of
 from bha.diagnosis.places import nested
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
@@ -191,25 +191,29 @@ def _effects(
     # Rivals were refitted without further elements: they are compared with the set that had none either.
     chosen = state.chosen if state.chosen is not None else final
     for numbers in places.values():
-        number, candidate = numbers[0], final.candidates[numbers[0]]
-        elements = [_Element.of(final.fit, k, draws) for k in numbers]
-        parameters = _numbers(elements, candidate.plan.adding if len(numbers) > 1 else ())
+        candidate = final.candidates[numbers[0]]
+        elements = [element for k in numbers for element in _elements_of(final.fit, k, draws)]
+        parameters = _numbers(elements, candidate.plan.adding if len(elements) > 1 else ())
+        terms = [(final.fit.model.effects[k], final.fit.model.place(k)) for k in numbers]
         spans = [
             interval
-            for e in elements
-            for c, interval in zip(e.term.coordinates, uncertainty[e.place], strict=True)
+            for term, own in terms
+            for c, interval in zip(term.coordinates, uncertainty[own], strict=True)
             if number_of(c) in candidate.plan.passive
         ]
-        empirical = any(e.term.on_bound(e.x) for e in elements) or any(high < 0.0 for _, high in spans)
-        rivals = _rivals(state, chosen, number, problem, correlation)
-        alike = {t.key[number]: _alternative(t, number) for t, distance in rivals if distance < ALIKE}
-        refitted = {t.key[number] for t, _ in rivals}
+        empirical = any(term.on_bound(final.fit.x[own]) for term, own in terms)
+        empirical = empirical or any(high < 0.0 for _, high in spans)
+        # Refining a bank moves it to the end.
+        place = chosen.key.index(candidate.key)
+        rivals = _rivals(state, chosen, place, problem, correlation)
+        alike = {t.key[place]: _alternative(t, place) for t, distance in rivals if distance < ALIKE}
+        refitted = {t.key[place] for t, _ in rivals}
         for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
             if (kind, where) not in refitted:
                 alike.setdefault((kind, where), _promised(best.get((kind, where)), kind, where))
         compared = [t for t, _ in rivals[:5]]
         shares = confidences(problem, [chosen, *compared], seed) if rivals else np.ones(1)
-        in_class = [k for k, t in enumerate(compared, start=1) if t.key[number] in alike]
+        in_class = [k for k, t in enumerate(compared, start=1) if t.key[place] in alike]
         kinds = [candidate.kind, *dict.fromkeys(kind for kind, _ in alike)]
         result.append(
             Effect(
@@ -241,8 +245,8 @@ def _removed(state: Search, key: tuple[str, str], noise: float) -> float:
 def _alternative(trial: Trial, number: int) -> Alternative:
     """An effect of a trial in place of a named one, with its numbers as they were refitted; without intervals."""
     candidate, term = trial.candidates[number], trial.fit.model.effects[number]
-    values = term.parameters([float(v) for v in trial.fit.x[trial.fit.model.place(number)]])
-    return _with_numbers(candidate.kind, candidate.where, values)
+    values = term.elements([float(v) for v in trial.fit.x[trial.fit.model.place(number)]])
+    return _with_numbers(candidate.kind, candidate.where, together(values, candidate.plan.adding))
 
 
 def _promised(entry: excitation.Best | None, kind: str, where: str) -> Alternative:
@@ -255,7 +259,7 @@ def _promised(entry: excitation.Best | None, kind: str, where: str) -> Alternati
         c.coordinate(strengths[str(c.path[-1])]) if str(c.path[-1]) in strengths else v
         for c, v in zip(term.coordinates, start, strict=True)
     ]
-    return _with_numbers(kind, where, term.parameters(x))
+    return _with_numbers(kind, where, together(term.elements(x), entry.scored.candidate.plan.adding))
 
 
 def _with_numbers(kind: str, where: str, values: Mapping[str, float]) -> Alternative:
@@ -281,41 +285,63 @@ def _gathered(effects: Sequence[Effect], core: Mapping[str, Any]) -> list[Effect
 
 @dataclass(frozen=True)
 class _Element:
-    """One term of the model with its coordinates, their bootstrap changes, and where they stand in the vector."""
+    """One element of an effect: its numbers in the parameter file, in each bootstrap repeat, and those on bounds."""
 
-    term: EffectTerm
-    x: Array
-    draws: Array
-    place: slice
+    kind: str
+    values: dict[str, float]
+    repeats: tuple[dict[str, float], ...]
+    on_bound: frozenset[str]
 
-    @classmethod
-    def of(cls, fit: Fit, number: int, draws: Array) -> _Element:
-        place = fit.model.place(number)
-        return cls(fit.model.effects[number], fit.x[place], draws[:, place], place)
+
+def _elements_of(fit: Fit, number: int, draws: Array) -> list[_Element]:
+    """The elements of one effect of the model; not those of a bank that have come out as nothing."""
+    term, place = fit.model.effects[number], fit.model.place(number)
+    values = term.elements([float(v) for v in fit.x[place]])
+    repeats = [term.elements([float(v) for v in fit.x[place] + d]) for d in draws[:, place]]
+    strengths = {number_of(c) for c in term.coordinates if element_of(c) is not None}
+    on_bound = frozenset(term.on_bound(fit.x[place]))
+    return [
+        _Element(term.kind, own, tuple(r[k] for r in repeats), on_bound)
+        for k, own in enumerate(values)
+        if not strengths or any(own[name] for name in strengths)
+    ]
+
+
+def together(elements: Sequence[Mapping[str, float]], adding: Sequence[str]) -> dict[str, float]:
+    """What elements amount to: sums of the numbers ``adding``; of the others the mean of logarithms by these sums.
+
+    Of elements without such a number, or with one that is zero, it is the numbers of the first.
+    """
+    first = dict(elements[0])
+    weights = np.array([sum(abs(e[name]) for name in adding if name in e) for e in elements])
+    if len(elements) == 1 or not np.sum(weights):
+        return first
+    for name in first:
+        own = np.array([e[name] for e in elements])
+        if name in adding:
+            first[name] = float(np.sum(own))
+        elif np.all(own > 0.0):
+            first[name] = float(np.exp(np.average(np.log(own), weights=weights)))
+    return first
 
 
 def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[str, Number]:
-    """The numbers of the parameter file with their intervals, whatever coordinates they were fitted in.
-
-    Of several elements the numbers ``adding`` are sums, the others those of the first.
-    """
+    """The numbers of elements together with their intervals, whatever coordinates they were fitted in."""
     ranges = core_ranges()
-    values = [e.term.parameters([float(v) for v in e.x]) for e in elements]
-    repeats = [[e.term.parameters([float(v) for v in e.x + d]) for d in e.draws] for e in elements]
-    term = elements[0].term
+    values = together([e.values for e in elements], adding)
+    repeats = [together(same, adding) for same in zip(*(e.repeats for e in elements), strict=True)]
     result = {}
-    for name in values[0]:
-        counted = range(len(elements)) if name in adding else range(1)
-        found = np.sum([[r[name] for r in repeats[k]] for k in counted], axis=0)
+    for name, value in values.items():
+        found = np.array([repeat[name] for repeat in repeats])
         interval = None
-        if name not in term.fixed and np.any(found != found[0]):
+        if np.any(np.abs(found - found[0]) > 1e-12 * np.abs(found[0])):
             low, high = np.quantile(found, [0.025, 0.975])
             interval = (float(low), float(high))
         result[name] = Number(
-            value=float(sum(values[k][name] for k in counted)),
-            unit=ranges(term.kind, name)[0],
+            value=value,
+            unit=ranges(elements[0].kind, name)[0],
             ci95=interval,
-            at_bound=any(name in elements[k].term.on_bound(elements[k].x) for k in counted),
+            at_bound=any(name in e.on_bound for e in elements),
         )
     return result
 

@@ -30,6 +30,7 @@ EXPERIMENTS: dict[str, str] = {
     "bending_anisotropy": "bends of one size all around at one mean length: the pressures they need differ by plane",
     "section_coupling": "move one section with the others at constant pressure",
     "effective_area": "pressurise all three bellows of a section against a fixed length",
+    "pressure_stiffness": "one bend at two mean pressures, the mean length held by a pull on the arm",
     "weak_bellows": "the same pressure pattern with the tubes of two bellows swapped: the error stays with the bellows",
     "payload": "hang a known mass (50 g) on the head, and swing",
     "base_tilt": "a full turn of the bending plane at two mean lengths: one direction must explain all sections",
@@ -40,6 +41,9 @@ EXPERIMENTS: dict[str, str] = {
     "valve_dead_band": "slow ramps of pressure with reversals of decreasing size",
     "pressure_offset": "all chambers open to the air: the sensors must read ambient pressure",
     "pressure_gain": "one supply pressure on all chambers at several levels",
+    "leak": "all valves shut at a raised pressure: a chamber that leaks loses it; soap on the fittings",
+    "wire_backlash": "slow triangles of a millimetre: a wire with play stands still at each turn",
+    "marker_offset": "a full turn of the bending plane: a marker beside the axis goes round with it",
     "length_offset": "the arm hanging at rest, lengths measured by hand",
     "length_gain": "one bellows moved over its range beside a ruler",
     "work_conjugate": "large bends at constant pressure: the two force models differ by terms in the bend",
@@ -58,11 +62,12 @@ class Best:
 
 
 def best_by_key(screening: Screening, signatures: Signatures) -> dict[tuple[str, str], Best]:
-    """Of every kind and place the shape with the best score."""
+    """Of every kind and place the shape with the best score; a bank looks like what its best element looks like."""
     place = {id(c): k for k, c in enumerate(signatures.candidates)}
     result: dict[tuple[str, str], Best] = {}
     for scored in screening.ranking:
-        result.setdefault(scored.candidate.key, Best(place[id(scored.candidate)], scored))
+        if not scored.candidate.bank:
+            result.setdefault(scored.candidate.key, Best(place[id(scored.candidate)], scored))
     return result
 
 

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.engine import Engine
@@ -248,7 +250,7 @@ def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[
     gradient = fit.jacobian.T @ rest - weights * fit.x
     matrix = hessian + np.diag(weights)
     matrix += damping * np.diag(np.diag(matrix)) + 1e-12 * np.trace(matrix) / max(len(matrix), 1) * np.eye(len(matrix))
-    step = np.asarray(np.linalg.solve(matrix, gradient), dtype=np.float64)
+    step = _within_bounds(matrix, gradient, fit)
     states = []
     units = state_units(len(fit.states[0]) // 2)
     for part, jacobian in zip(problem.slices(), fit.state_jacobians, strict=True):
@@ -257,6 +259,22 @@ def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[
         left = fit.residual[part] - fit.jacobian[part] @ step
         states.append(np.linalg.solve(normal, jacobian.T @ left) * units)
     return step, states
+
+
+def _within_bounds(matrix: Array, gradient: Array, fit: Fit) -> Array:
+    """The step that minimises the quadratic form within the bounds of the coordinates.
+
+    One that is cut off afterwards would leave the others where they make up for what is not allowed: the strengths of a
+    bank would be no least squares of what cannot be negative.
+    """
+    step = np.asarray(np.linalg.solve(matrix, gradient), dtype=np.float64)
+    low, high = np.array([c.bounds for c in fit.model.coordinates]).reshape(-1, 2).T - fit.x
+    if np.all((step >= low) & (step <= high)):
+        return step
+    factor = np.linalg.cholesky(matrix)
+    right = solve_triangular(factor, gradient, lower=True)
+    inside = (np.minimum(low, 0.0), np.maximum(high, 0.0))
+    return np.asarray(lsq_linear(factor.T, right, inside, method="bvls").x, dtype=np.float64)
 
 
 def improve(

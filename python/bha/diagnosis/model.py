@@ -101,18 +101,25 @@ def number_of(coordinate: Coordinate) -> str:
     return coordinate.path.rpartition(".")[2]
 
 
+def element_of(coordinate: Coordinate) -> int | None:
+    """The element of a bank that a coordinate is of, from 0; None where an effect has one element."""
+    steps = coordinate.path.split(".")
+    return int(steps[1]) if len(steps) == 3 else None
+
+
 @dataclass(frozen=True)
 class EffectTerm:
-    """One effect in the model.
+    """One effect in the model: one element, or a bank of several in one place.
 
     Attributes:
         kind: as in a parameter file.
         where: as in a parameter file.
-        coordinates: what is fitted.
+        coordinates: what is fitted; of a bank each is of one element, see :func:`element_of`.
         fixed: numbers that stay.
         numbers: what makes the numbers of the file from those that are fitted, where they are others (a wall's angle
             and distance).
         begin: coordinates from which they are fitted when nothing better is known.
+        bank: numbers that stay, element by element: the grid of a bank.
     """
 
     kind: str
@@ -121,6 +128,7 @@ class EffectTerm:
     fixed: Mapping[str, float] = field(default_factory=dict)
     numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
     begin: tuple[float, ...] = ()
+    bank: tuple[Mapping[str, float], ...] = ({},)
 
     @property
     def label(self) -> str:
@@ -131,14 +139,28 @@ class EffectTerm:
         """The effect in the core's description."""
         return {"kind": self.kind, "where": self.where, "parameters": dict(numbers)}
 
-    def parameters(self, x: Sequence[float]) -> dict[str, float]:
-        """Numbers by name at the coordinates ``x``."""
-        values = {number_of(c): c.value(v) for c, v in zip(self.coordinates, x, strict=True)}
-        return self.numbers({**self.fixed, **values})
+    def elements(self, x: Sequence[float]) -> list[dict[str, float]]:
+        """Numbers by name of each element at the coordinates ``x``."""
+        found = []
+        for k, own in enumerate(self.bank):
+            values = {
+                number_of(c): c.value(v) for c, v in zip(self.coordinates, x, strict=True) if element_of(c) in (None, k)
+            }
+            found.append(self.numbers({**self.fixed, **own, **values}))
+        return found
+
+    def only(self, which: Sequence[int]) -> EffectTerm:
+        """A bank of one strength an element with some of its elements only."""
+        own = [(self.coordinates[k], self.begin[k], self.bank[k]) for k in which]
+        moved = [replace(c, path=f"effect.{k}.{number_of(c)}") for k, (c, _, _) in enumerate(own)]
+        return replace(
+            self, coordinates=tuple(moved), begin=tuple(b for _, b, _ in own), bank=tuple(e for _, _, e in own)
+        )
 
     def on_bound(self, x: Array) -> set[str]:
-        """Names of the numbers that sit on a bound at the coordinates ``x``."""
-        return {number_of(c) for c, v in zip(self.coordinates, x, strict=True) if c.at_bound(float(v))}
+        """Names of the numbers that sit on a bound at the coordinates ``x``, in all elements that have them."""
+        off = {number_of(c) for c, v in zip(self.coordinates, x, strict=True) if not c.at_bound(float(v))}
+        return {number_of(c) for c in self.coordinates} - off
 
 
 @dataclass(frozen=True)
@@ -227,8 +249,7 @@ class Model:
         plain, parts = self.split(x)
         moving = [(c, c.value(float(v))) for c, v in zip(self.plain, plain, strict=True) if not of_camera(c)]
         core = described(self.core, [c for c, _ in moving], [value for _, value in moving])
-        effects = [e.table(numbers) for e, numbers in zip(self.effects, self._numbers(parts), strict=True)]
-        return dict(with_effects(core, effects))
+        return dict(with_effects(core, self._tables(parts)))
 
     def arm(self, x: Array) -> _core.Arm:
         """The arm at ``x``; the same object for the same numbers.
@@ -238,16 +259,19 @@ class Model:
         """
         plain, parts = self.split(x)
         values = [c.value(float(v)) for c, v in zip(self.plain, plain, strict=True) if not of_camera(c)]
-        return self._variants.arm(np.array(values), self._numbers(parts))
+        return self._variants.arm(np.array(values), [table["parameters"] for table in self._tables(parts)])
 
     @cached_property
     def _variants(self) -> Variants:
-        numbers = self._numbers([np.zeros(len(e.coordinates)) for e in self.effects])
-        return self.arms.beside([e.table(own) for e, own in zip(self.effects, numbers, strict=True)])
+        return self.arms.beside(self._tables([np.zeros(len(e.coordinates)) for e in self.effects]))
 
-    def _numbers(self, parts: Sequence[Array]) -> list[dict[str, float]]:
-        """Numbers by name of each effect."""
-        return [e.parameters([float(v) for v in part]) for e, part in zip(self.effects, parts, strict=True)]
+    def _tables(self, parts: Sequence[Array]) -> list[dict[str, Any]]:
+        """All elements of all effects in the core's description."""
+        return [
+            effect.table(numbers)
+            for effect, part in zip(self.effects, parts, strict=True)
+            for numbers in effect.elements([float(v) for v in part])
+        ]
 
     def values(self, x: Array) -> dict[str, float]:
         """All values by name."""

@@ -20,8 +20,8 @@ def places(plan: KindPlan, core: Mapping[str, Any]) -> list[str]:
     for sort in plan.sorts:
         if sort == "all":
             result.append(Place())
-        elif sort == "sensors":
-            result.append(Place("sensors"))
+        elif sort in ("sensors", "heads"):
+            result.append(Place("sensors" if sort == "sensors" else "heads"))
         elif sort == "tip":
             result.append(Place.of_section(len(sections)))
         elif sort == "section":

@@ -54,7 +54,8 @@ class KindPlan:
 
     Attributes:
         kind: its name in the registry.
-        sorts: sorts of places that are tried: ``all``, ``section``, ``bellows``, ``input``, ``sensors``.
+        sorts: sorts of places that are tried: ``all``, ``section``, ``bellows``, ``input``, ``sensors``,
+            ``heads``, ``length`` (the sensors of single lengths), ``tip``.
         strengths: linear numbers.
         shapes: nonlinear numbers.
         fixed: numbers that are given and not searched.
@@ -72,6 +73,8 @@ class KindPlan:
         further: of a kind of which several may act in one place (branches, stages): from the numbers of the one that is
             there the shapes from which another is sought.
         adding: numbers whose sum over such elements is what they amount to together.
+        bank: numbers of the elements of a bank, by growing shape: several elements in one place with a strength each,
+            none of them negative. Each is a candidate by itself, too.
     """
 
     kind: str
@@ -90,6 +93,7 @@ class KindPlan:
     numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
     further: Callable[[Numbers], list[dict[str, float]]] | None = None
     adding: tuple[str, ...] = ()
+    bank: tuple[Numbers, ...] = ()
 
     @property
     def size(self) -> int:
@@ -112,8 +116,13 @@ class KindPlan:
         ]
 
     def shape_grid(self) -> list[dict[str, float]]:
-        """All combinations of the shapes' grids."""
+        """All combinations of the shapes' grids, and the elements of the bank that are not among them."""
         combinations: list[dict[str, float]] = [{}]
         for shape in (*self.shapes, *self.grid):
             combinations = [{**c, shape.name: value} for c in combinations for value in shape.grid]
-        return combinations
+        return combinations + [dict(element) for element in self.bank if element not in combinations]
+
+    def fixed_of(self, shape: Numbers) -> dict[str, float]:
+        """Numbers that stay in a fit from ``shape``: those that are given, and those of a bank that are not fitted."""
+        fitted = {s.name for s in self.strengths} | {s.name for s in (*self.shapes, *self.extra, *self.grid)}
+        return {**self.fixed, **{name: value for name, value in shape.items() if name not in fitted}}

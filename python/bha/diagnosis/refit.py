@@ -17,6 +17,7 @@ from bha.diagnosis.candidate import Candidate, Ranges
 from bha.diagnosis.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.memory import by_log, numbers_per_independent
+from bha.diagnosis.model import EffectTerm
 from bha.diagnosis.steps import resolved
 from bha.errors import ConvergenceError
 
@@ -55,7 +56,7 @@ class Trial:
     @property
     def size(self) -> int:
         """Numbers of its effects."""
-        return sum(c.plan.size for c in self.candidates)
+        return sum(c.size for c in self.candidates)
 
 
 def correlation_length(problem: Problem, white: Array) -> float:
@@ -124,7 +125,7 @@ def refit(
     fit = evaluate(problem, model, x, start.states, start.trust)
     if not np.isfinite(fit.cost):
         return None
-    name = f"refit {[(c.key, sorted(c.shape.items())) for c in candidates]} {kept} {renewals}"
+    name = f"refit {[c.name for c in candidates]} {kept} {renewals}"
     known = stored(problem, fit, name)
     fit = known or fit
     new = list(range(old, model.size))
@@ -147,7 +148,30 @@ def refit(
             return None
         fit = restarted(problem, fit)
         store(problem, fit, name)
-    return Trial(tuple(candidates), fit, holdout)
+    acting, fit = without_idle(candidates, fit)
+    return Trial(acting, fit, holdout)
+
+
+def without_idle(candidates: Sequence[Candidate], fit: Fit) -> tuple[tuple[Candidate, ...], Fit]:
+    """The same fit without the elements of banks that have come out as nothing; a bank keeps one in any case."""
+    acting: list[Candidate] = []
+    terms: list[EffectTerm] = []
+    kept = list(range(len(fit.model.plain)))
+    for number, (candidate, term) in enumerate(zip(candidates, fit.model.effects, strict=True)):
+        place = fit.model.place(number)
+        own = list(range(place.start, place.stop))
+        if candidate.bank:
+            strengths = [c.value(float(v)) for c, v in zip(term.coordinates, fit.x[place], strict=True)]
+            which = [k for k, strength in enumerate(strengths) if strength] or [0]
+            candidate, term = candidate.only(which), term.only(which)  # noqa: PLW2901
+            own = [own[k] for k in which]
+        acting.append(candidate)
+        terms.append(term)
+        kept += own
+    if len(kept) == fit.model.size:
+        return tuple(candidates), fit
+    jacobian = None if fit.jacobian is None else fit.jacobian[:, kept]
+    return tuple(acting), replace(fit, model=fit.model.with_effects(terms), x=fit.x[kept], jacobian=jacobian)
 
 
 def drop(start: Fit, index: int) -> Fit:

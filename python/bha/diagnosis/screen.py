@@ -11,12 +11,13 @@ bring.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from bha import _core, names
 from bha.arm.variants import arm_of, with_effects
@@ -27,7 +28,14 @@ from bha.diagnosis.memory import draws_like
 from bha.diagnosis.model import Core, runs_of
 from bha.diagnosis.places import members, place_of, places
 from bha.diagnosis.plan import KindPlan
-from bha.diagnosis.shortcuts import ON_LENGTHS, ON_PRESSURES, PressureProbe, acting_pressures, length_change
+from bha.diagnosis.shortcuts import (
+    OF_SENSORS,
+    ON_LENGTHS,
+    ON_PRESSURES,
+    PressureProbe,
+    acting_pressures,
+    length_change,
+)
 from bha.errors import BhaError
 from bha.estimation.runs import Run
 from bha.parameters import Place
@@ -39,6 +47,8 @@ BATCH = 96
 #: Draws of the residual that say what the best of all candidates explains by chance: p-values are no finer than one in
 #: as many.
 CHANCE_DRAWS = 199
+#: Least share of what one element of a kind leaves of the residual that a bank of them has to promise to remove.
+BANK_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -146,7 +156,7 @@ def probe(
                 assert sensor.bellows is not None
                 channel = names.length_name(sensor.section, sensor.bellows)
                 change = [
-                    length_change(str(effect["kind"]), channel, r, y)
+                    length_change(str(effect["kind"]), channel, r, y, size)
                     for r, y in zip(problem.records, base, strict=True)
                 ]
             # A probe that diverges has no signature: it scores nothing.
@@ -162,16 +172,20 @@ def _runs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, An
     pressures = [
         PressureProbe(e["kind"], tuple(place[m] for m in members(e["where"], "input", core)), e["parameters"])
         for e in effects
-        if e["kind"] in ON_PRESSURES
+        if _on_pressures(e)
     ]
     acting = [iter(acting_pressures(r, pressures, float(core["ambient_pressure"]))) for r in problem.records]
     runs = []
     for effect in effects:
-        if effect["kind"] in ON_PRESSURES:
+        if _on_pressures(effect):
             runs += [replace(run, drive=run.record.driven_by(next(p))) for run, p in zip(plain, acting, strict=True)]
         else:
             runs += runs_of(_probed(core, effect), problem.records, fit.states, camera)
     return runs
+
+
+def _on_pressures(effect: Mapping[str, Any]) -> bool:
+    return effect["kind"] in ON_PRESSURES and effect["where"] not in OF_SENSORS
 
 
 def _probed(core: Core, effect: dict[str, Any]) -> _core.Arm | None:
@@ -269,8 +283,63 @@ def score(problem: Problem, fit: Fit, signatures: Signatures, seed: int = 0) -> 
         np.maximum(by_chance, share[1:], out=by_chance)
         own = tuple(float(v) for v in strengths[:, 0])
         found.append(Scored(candidate, float(values[0]), own, float(share[0]), deviation))
-    ranking = tuple(sorted(found, key=lambda s: -s.score))
+    banks, shares = _banks(signatures, found, gram, inner, totals)
+    np.maximum(by_chance, shares[1:], out=by_chance)
+    ranking = tuple(sorted([*found, *banks], key=lambda s: -s.score))
     return Screening(ranking, gram, inner[:, 0], float(totals[0]), np.sort(by_chance))
+
+
+def _banks(
+    signatures: Signatures, single: Sequence[Scored], gram: Array, inner: Array, totals: Array
+) -> tuple[list[Scored], Array]:
+    """The banks that promise more than one element does, be its shape on the grid or between two places of it.
+
+    Two neighbours of the grid are what an element between them looks like; what they do together is what the fit of its
+    shape will bring.
+
+    Args:
+        signatures: what was probed.
+        single: the scores of single elements.
+        gram: inner products of the projected probes, shape (probes, probes).
+        inner: those with the residual and its draws, shape (probes, draws).
+        totals: sums of squares of these, shape (draws,).
+
+    Returns:
+        The banks; the greatest share that any bank, promising or not, explains of each draw, shape (draws,).
+    """
+    grids: dict[tuple[str, str], list[int]] = {}
+    for index, candidate in enumerate(signatures.candidates):
+        if candidate.shape in candidate.plan.bank:
+            grids.setdefault(candidate.key, []).append(index)
+    most: dict[tuple[str, str], float] = {}
+    for scored in single:
+        most[scored.candidate.key] = max(scored.score, most.get(scored.candidate.key, 0.0))
+    found, shares = [], np.zeros(len(totals))
+    for key, indices in grids.items():
+        columns = [list(signatures.columns[k][0]) for k in indices]
+        normal = np.array([[gram[np.ix_(a, b)].sum() for b in columns] for a in columns])
+        right = np.array([inner[parts].sum(axis=0) for parts in columns])
+        pairs = [together(normal[k : k + 2, k : k + 2], right[k : k + 2, :1])[0][0] for k in range(len(indices) - 1)]
+        one = max(most[key], *pairs)
+        scores, strengths = together(normal, right)
+        np.maximum(shares, scores / np.maximum(totals, 1e-300), out=shares)
+        if scores[0] - one > BANK_SHARE * (totals[0] - one):
+            acting = [k for k, strength in enumerate(strengths[:, 0]) if strength > 0.0]
+            elements = tuple(signatures.candidates[indices[k]].shape for k in acting)
+            bank = Candidate(signatures.candidates[indices[0]].plan, key[1], {}, elements)
+            own = tuple(float(strengths[k, 0]) for k in acting)
+            found.append(Scored(bank, float(scores[0]), own, float(scores[0] / max(totals[0], 1e-300)), np.inf))
+    return found, shares
+
+
+def together(normal: Array, right: Array) -> tuple[Array, Array]:
+    """Scores, shape (draws,), and strengths, shape (k, draws), of k elements side by side, no strength negative."""
+    values, vectors = np.linalg.eigh(normal)
+    root = np.sqrt(np.maximum(values, 1e-9 * max(float(values[-1]), 1e-300)))
+    wanted = (vectors.T @ right) / root[:, None]
+    strengths = np.array([nnls(root[:, None] * vectors.T, column)[0] for column in wanted.T]).T
+    scores = 2.0 * np.einsum("kj,kj->j", right, strengths) - np.einsum("kj,kl,lj->j", strengths, normal, strengths)
+    return scores, strengths
 
 
 def likenesses(screening: Screening, signatures: Signatures, which: Sequence[int]) -> Array:

@@ -11,8 +11,8 @@ as measured on simulated arms (docs/explanation/diagnosis.md).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from bha.diagnosis.crossing import crossed
 from bha.diagnosis.fit import Problem, evaluate, improve, with_sensitivities
 from bha.diagnosis.holdout import Holdout, Readings, share_brought
 from bha.diagnosis.places import members
-from bha.diagnosis.refit import Trial, bic, correlation_length, refit, store, stored, without
+from bha.diagnosis.refit import Trial, bic, correlation_length, drop, refit, store, stored, without, without_idle
 from bha.diagnosis.screen import Scored, Screening, Signatures, score
 from bha.diagnosis.steps import resolved
 
@@ -114,7 +114,7 @@ def promising(
     """The best candidates by penalised score: one shape a place, few places a kind."""
 
     def value(scored: Scored) -> float:
-        return -effective * float(np.log(max(1e-9, 1.0 - scored.share))) - scored.candidate.plan.size * float(
+        return -effective * float(np.log(max(1e-9, 1.0 - scored.share))) - scored.candidate.size * float(
             np.log(effective)
         )
 
@@ -178,6 +178,7 @@ def _forward(
         if problem.restarts:
             chosen = _with_wider(chosen, screening.ranking, taken)
             chosen = _with_rivals(chosen, screening.ranking, taken, state.rivals)
+        chosen = _with_one_element(chosen, screening.ranking)
         if not chosen:
             share = 100.0 * enough / max(worth / rules.worth, 1e-9)
             state.notes.append(f"no further candidate promises {share:.2g} % of the excess error")
@@ -249,6 +250,15 @@ def _with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequen
         kin = (KIN.get(scored.candidate.kind, ""), scored.candidate.where)
         if kin not in [*taken, *(c.candidate.key for c in result)]:
             result += [s for s in ranking if s.candidate.key == kin][:1]
+    return result
+
+
+def _with_one_element(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> list[Scored]:
+    """``chosen`` with one element beside every bank: a refit tells whether its shape, fitted, does as well."""
+    result = list(chosen)
+    for scored in chosen:
+        if scored.candidate.bank:
+            result += [s for s in ranking if s.candidate.key == scored.candidate.key and not s.candidate.bank][:1]
     return result
 
 
@@ -332,7 +342,7 @@ def _sorted(trials: list[Trial], problem: Problem) -> list[Trial]:
 
 
 def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
-    name = f"refined {[(c.key, sorted(c.shape.items())) for c in trial.candidates]}"
+    name = f"refined {[c.name for c in trial.candidates]}"
     fit = trial.fit
     # What was found may be stiffer than what was expected.
     model = resolved(problem.engine, problem.records, fit.model, fit.x, fit.states, problem.misfit(fit))
@@ -345,7 +355,8 @@ def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
         renew = list(range(len(fit.model.plain), fit.model.size))
         fit = improve(problem, fit, iterations=20, renew=renew, renewals=6, tolerance=1e-3)
         store(problem, fit, name)
-    return Trial(trial.candidates, fit, holdout)
+    candidates, fit = without_idle(trial.candidates, fit)
+    return Trial(candidates, fit, holdout)
 
 
 def _backward(
@@ -423,38 +434,27 @@ def _elements(
     say: Say,
     state: Search,
 ) -> None:
-    """Second branches and stages of what was named: the names stay, their form comes nearer to the arm's.
+    """Second branches and stages of what was named, finer banks: names stay, their form comes nearer to the arm's.
 
     Not where the cost has several valleys: there another stage is a way into one of them.
     """
     if problem.restarts:
         return
-    for k, candidate in enumerate(state.best.candidates):
-        plan = candidate.plan
-        if plan.further is None:
-            continue
+    for key in state.best.key:
         current = state.best
+        candidate = current.candidates[current.key.index(key)]
         if current.fit.squares / problem.rows < NOISE_LEFT:
             return
-        model = current.fit.model
-        old = model.effects[k].parameters([float(v) for v in current.fit.x[model.place(k)]])
-        start = with_sensitivities(problem, current.fit)
-        screening = score(problem, start, signatures)
-        own = crossed(problem, start, state.readings)
-        for shape in plan.further(old):
-            say(f"a further element of {candidate.kind} at {candidate.where}")
-            further = Candidate(plan, candidate.where, shape)
-            strengths = [0.3 * old[s.name] for s in plan.strengths] or [1.0] * len(plan.probed(shape))
-            trial = refit(
-                problem,
-                holdout,
-                start,
-                [*current.candidates, further],
-                [strengths],
-                ranges,
-                kept=len(current.candidates),
-                renewals=3,
-            )
+        if candidate.plan.further is None:
+            continue
+        say(f"further elements of {candidate.kind} at {candidate.where}")
+        begin = with_sensitivities(problem, current.fit)
+        screening = score(problem, begin, signatures)
+        own = crossed(problem, begin, state.readings)
+        for start, further, strengths in _enlarged(replace(current, fit=begin), key):
+            candidates = [*start.candidates, further]
+            kept = len(start.candidates)
+            trial = refit(problem, holdout, start.fit, candidates, [strengths], ranges, kept=kept, renewals=3)
             if trial is None:
                 continue
             chance = screening.chance(_gain(current, trial))
@@ -464,6 +464,28 @@ def _elements(
                 needed
                 and share_brought(own, own, crossed(problem, trial.fit, state.readings), state.noise) >= rules.element
             ):
-                state.notes.append(f"a further element of {candidate.kind} at {candidate.where}: {_by_chance(chance)}")
+                state.notes.append(f"further elements of {candidate.kind} at {candidate.where}: {_by_chance(chance)}")
                 state.best = trial
                 break
+
+
+def _enlarged(trial: Trial, key: tuple[str, str]) -> Iterator[tuple[Trial, Candidate, list[float]]]:
+    """From where an effect gets more elements: what stays, what comes to it, and the strengths to expect of that.
+
+    Beside one element comes another; in the place of a bank one with elements between its elements as well.
+    """
+    number = trial.key.index(key)
+    candidate, model = trial.candidates[number], trial.fit.model
+    elements = model.effects[number].elements([float(v) for v in trial.fit.x[model.place(number)]])
+    plan = candidate.plan
+    if candidate.bank:
+        (strength,) = (s.name for s in plan.strengths)
+        finer = candidate.finer()
+        rest = tuple(c for k, c in enumerate(trial.candidates) if k != number)
+        share = sum(e[strength] for e in elements) / len(finer.bank)
+        yield replace(trial, candidates=rest, fit=drop(trial.fit, number)), finer, [share] * len(finer.bank)
+        return
+    assert plan.further is not None
+    for shape in plan.further(elements[0]):
+        strengths = [0.3 * elements[0][s.name] for s in plan.strengths] or [1.0] * len(plan.probed(shape))
+        yield trial, Candidate(plan, candidate.where, shape), strengths

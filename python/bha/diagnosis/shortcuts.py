@@ -16,8 +16,12 @@ from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
-ON_PRESSURES = frozenset({"pressure_lag", "delay", "valve_dead_band", "pressure_offset", "pressure_gain"})
-ON_LENGTHS = frozenset({"length_offset", "length_gain"})
+ON_PRESSURES = frozenset({"pressure_lag", "delay", "valve_dead_band", "pressure_offset", "pressure_gain", "leak"})
+ON_LENGTHS = frozenset({"length_offset", "length_gain", "wire_backlash"})
+#: Where they are of sensors, not of pressures.
+OF_SENSORS = frozenset({"sensors", "heads"})
+#: 1 bar, Pa.
+BAR = 1e5
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,11 @@ def acting_pressures(record: Record, probes: Sequence[PressureProbe], ambient: f
                 result[k][:, j] += probe.numbers["offset"]
             elif probe.kind == "pressure_gain":
                 result[k][:, j] += probe.numbers["gain"] * (p[:, j] - ambient)
+            elif probe.kind == "leak":
+                loss = probe.numbers["drop"] / BAR**0.5
+                above = p[:, j] - ambient
+                root = 0.5 * (np.sqrt(loss**2 + 4.0 * np.abs(above)) - loss)
+                result[k][:, j] = ambient + np.sign(above) * root**2
             elif probe.kind == "delay":
                 result[k][:, j] = np.interp(time - probe.numbers["time"], time, p[:, j])
             else:
@@ -83,10 +92,19 @@ def _step_through(
         result[k][:, j] = out[:, place]
 
 
-def length_change(kind: str, channel: str, record: Record, outputs: Array) -> Array:
-    """Change of the outputs (rows, channels) per unit of an offset or a gain of one length sensor."""
+def length_change(kind: str, channel: str, record: Record, outputs: Array, size: float) -> Array:
+    """Change of the outputs (rows, channels) per unit of an offset, a gain or a play ``size`` of one length sensor."""
     change = np.zeros_like(outputs)
-    if channel in record.channels:
-        k = record.channels.index(channel)
-        change[:, k] = 1.0 if kind == "length_offset" else outputs[:, k]
+    if channel not in record.channels:
+        return change
+    k = record.channels.index(channel)
+    if kind == "length_offset":
+        change[:, k] = 1.0
+    elif kind == "length_gain":
+        change[:, k] = outputs[:, k]
+    else:
+        reading = outputs[0, k]
+        for row, length in enumerate(outputs[:, k]):
+            reading = min(max(reading, length - size), length + size)
+            change[row, k] = (reading - length) / size
     return change

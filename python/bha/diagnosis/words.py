@@ -172,6 +172,12 @@ def _effective_area(place: Place, n: Numbers) -> str:
     return f"the effective area of {bellows_of(place).text} changes by {' and '.join(parts) or 'nothing'}"
 
 
+def _pressure_stiffness(place: Place, n: Numbers) -> str:
+    change = 1e5 * (n["bending"] or n["axial"])
+    what = "resist bending" if n["bending"] else "resist stretching"
+    return f"{bellows_of(place).text} {what} {_share(change, 'more', 'less')} for each bar"
+
+
 def _weak_bellows(place: Place, n: Numbers) -> str:
     return f"{bellows_of(place).verb('is', 'are')} {_share(n['change'], 'stiffer', 'softer')} than the file says"
 
@@ -217,6 +223,8 @@ def _pressure_lag(place: Place, n: Numbers) -> str:
 def _delay(place: Place, n: Numbers) -> str:
     if place.sort == "sensors":
         return f"the sensors are read {number(n['time'], 's')} late"
+    if place.sort == "heads":
+        return f"the heads are seen {number(n['time'], 's')} late"
     subject = pressure_of(place)
     return f"{subject.verb('acts', 'act')} {number(n['time'], 's')} late"
 
@@ -234,6 +242,27 @@ def _pressure_offset(place: Place, n: Numbers) -> str:
 def _pressure_gain(place: Place, n: Numbers) -> str:
     few = "too little" if n["gain"] > 0.0 else "too much"
     return f"{pressure_sensor_of(place).verb('reads', 'read')} {number(abs(n['gain']), '')} {few} above ambient"
+
+
+def _leak(place: Place, n: Numbers) -> str:
+    return f"{pressure_of(place).verb('leaks', 'leak')}: at 1 bar {number(n['drop'], 'Pa')} less arrive"
+
+
+def _supply_sag(place: Place, n: Numbers) -> str:
+    del place
+    return (
+        f"the supply sags while chambers fill: its way has {n['share']:.3g} times the resistance of one chamber's, "
+        f"which fills within {number(n['tau'], 's')}"
+    )
+
+
+def _wire_backlash(place: Place, n: Numbers) -> str:
+    return f"{length_sensor_of(place).verb('has', 'have')} {number(n['play'], 'm')} of play to either side"
+
+
+def _marker_offset(place: Place, n: Numbers) -> str:
+    away = math.sqrt(sum(n[axis] ** 2 for axis in "xyz"))
+    return f"the marker on the head of {section_of(place).text} stands {number(away, 'm')} beside the head's origin"
 
 
 def _length_offset(place: Place, n: Numbers) -> str:
@@ -274,6 +303,7 @@ _SENTENCES: dict[str, Callable[[Place, Numbers], str]] = {
     "bending_anisotropy": _bending_anisotropy,
     "section_coupling": _section_coupling,
     "effective_area": _effective_area,
+    "pressure_stiffness": _pressure_stiffness,
     "weak_bellows": _weak_bellows,
     "payload": _payload,
     "base_tilt": _base_tilt,
@@ -284,6 +314,10 @@ _SENTENCES: dict[str, Callable[[Place, Numbers], str]] = {
     "valve_dead_band": _valve_dead_band,
     "pressure_offset": _pressure_offset,
     "pressure_gain": _pressure_gain,
+    "leak": _leak,
+    "supply_sag": _supply_sag,
+    "wire_backlash": _wire_backlash,
+    "marker_offset": _marker_offset,
     "length_offset": _length_offset,
     "length_gain": _length_gain,
     "work_conjugate": _work_conjugate,

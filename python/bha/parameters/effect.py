@@ -57,7 +57,7 @@ class EffectKind:
     Attributes:
         kind: its name.
         summary: one line that says what it is.
-        places: where it may act: "all", "section", "bellows", "input", "sensors".
+        places: where it may act: "all", "section", "bellows", "input", "sensors", "heads".
         parameters: its numbers; none for a formula, whose table names its own.
         several: whether several of this kind in one place make sense.
         needs_poses: whether it is observable only where poses of heads are measured.
@@ -189,7 +189,7 @@ def _allowed(parameter: EffectParameter) -> str:
 
 
 # Kinds that act on the sensor of a length where their place is a bellows; the core's sensors are those of coordinates.
-_OF_LENGTH_SENSORS = ("delay", "length_gain", "length_offset")
+_OF_LENGTH_SENSORS = ("delay", "length_gain", "length_offset", "wire_backlash")
 
 
 def check_effects(

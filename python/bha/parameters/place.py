@@ -1,4 +1,4 @@
-"""Where on an arm an effect sits: ``all``, ``section 2``, ``bellows 32``, ``input p13``, ``sensors``.
+"""Where on an arm an effect sits: ``all``, ``section 2``, ``bellows 32``, ``input p13``, ``sensors``, ``heads``.
 
 The one spot where such texts are read and written; that of the core is ``rust/src/effects/place.rs``.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-Sort = Literal["all", "section", "bellows", "input", "sensors"]
+Sort = Literal["all", "section", "bellows", "input", "sensors", "heads"]
 
 #: How a place of each sort is written, for errors.
 WRITTEN: dict[Sort, str] = {
@@ -20,10 +20,11 @@ WRITTEN: dict[Sort, str] = {
     "bellows": '"bellows IK" (section I, bellows K), as in "bellows 32" ("bellows 10_2" where one has two digits)',
     "input": '"input NAME", as in "input p13"',
     "sensors": '"sensors"',
+    "heads": '"heads"',
 }
 _NUMBER = "[1-9][0-9]{0,3}"
 _TEXT = re.compile(
-    rf"all|sensors|section (?P<section>{_NUMBER})|input (?P<input>p[0-9]+(?:_[0-9]+)?)"
+    rf"all|sensors|heads|section (?P<section>{_NUMBER})|input (?P<input>p[0-9]+(?:_[0-9]+)?)"
     rf"|bellows (?:(?P<i>[1-9])(?P<k>[1-9])|(?P<ii>{_NUMBER})_(?P<kk>{_NUMBER}))"
 )
 
@@ -110,4 +111,4 @@ def _read(text: str) -> Place | None:
         return Place.of_section(int(section))
     if found["input"]:
         return Place.of_input(found["input"])
-    return Place("sensors" if text == "sensors" else "all")
+    return Place("sensors" if text == "sensors" else "heads" if text == "heads" else "all")

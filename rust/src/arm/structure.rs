@@ -50,6 +50,7 @@ pub fn same_structure(a: &Arm, b: &Arm) -> bool {
         && air(a) == air(b)
         && a.body.sections.iter().zip(&b.body.sections).all(section)
         && a.body.area_changes.len() == b.body.area_changes.len()
+        && a.body.stiffening.len() == b.body.stiffening.len()
         && e.list.len() == f.list.len()
         && e.list.iter().zip(&f.list).all(|(e, f)| {
             let program = |d: &Definition| d.program.as_ref().map(Arc::as_ptr);

@@ -35,6 +35,15 @@ pub struct AreaChange<T> {
     pub by_length: T,
 }
 
+/// How stiffness changes for each pascal above ambient.
+#[derive(Clone, Copy, Debug)]
+pub struct Stiffening<T> {
+    /// That of the bellows' springs, relative, 1/Pa.
+    pub axial: T,
+    /// That of bending, relative, 1/Pa.
+    pub bending: T,
+}
+
 /// Sections, and what holds for all of them.
 #[derive(Clone, Debug)]
 pub struct Body<T = f64> {
@@ -56,6 +65,8 @@ pub struct Body<T = f64> {
     pub sections: Vec<Section<T>>,
     /// Changes of the terminal areas, one a bellows, section by section; empty where none changes.
     pub area_changes: Vec<AreaChange<T>>,
+    /// Changes of stiffness by pressure, one a section; empty where none changes.
+    pub stiffening: Vec<Stiffening<T>>,
 }
 
 impl Body<f64> {
@@ -101,6 +112,7 @@ impl Body<f64> {
             inputs: parameters.inputs.len(),
             sections,
             area_changes: Vec::new(),
+            stiffening: Vec::new(),
         })
     }
 
@@ -119,6 +131,11 @@ impl Body<f64> {
                 .area_changes
                 .iter()
                 .map(|x| AreaChange { by_pressure: c(x.by_pressure), by_length: c(x.by_length) })
+                .collect(),
+            stiffening: self
+                .stiffening
+                .iter()
+                .map(|x| Stiffening { axial: c(x.axial), bending: c(x.bending) })
                 .collect(),
         }
     }

@@ -62,6 +62,15 @@ impl<T: Real> Effects<T> {
         self.list.last().map_or(0, |e| e.hidden.end)
     }
 
+    /// The hidden states of all at the start of a simulation, one effect after the other.
+    pub fn start(&self) -> Vec<T> {
+        let mut hidden = vec![T::zero(); self.hidden_count()];
+        for entry in &self.list {
+            entry.kind.start(&mut hidden[entry.hidden.clone()]);
+        }
+        hidden
+    }
+
     /// The same over another scalar.
     pub fn map<U: Real>(&self, f: impl Fn(T) -> U) -> Effects<U> {
         let list = self
@@ -212,6 +221,7 @@ fn places_text(places: &[super::PlaceKind]) -> String {
         P::Bellows => "\"bellows 32\"",
         P::Input => "\"input p13\"",
         P::Sensors => "\"sensors\"",
+        P::Heads => "\"heads\"",
     };
     places.iter().map(text).collect::<Vec<_>>().join(" or ")
 }

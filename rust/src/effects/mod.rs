@@ -10,13 +10,13 @@
 //! | [`Effect::change_arm`] | the arm's parameters | once; free at run time |
 //! | [`Effect::add_forces`] | bellows forces, bending torques, wrenches on heads | in the one sum, `dynamics::applied` |
 //! | [`Effect::pressures`] | pressures between the logged (or commanded) and the acting ones | as time goes on ([`pressures`]) |
-//! | [`Effect::measure`], [`Effect::sensor_delay`] | lengths between the true and the measured ones | at output ([`sensors`]) |
-//! | [`Effect::head_delay`] | poses of heads between the true and the measured ones | at output ([`sensors`]) |
+//! | [`Effect::measure`], [`Effect::sensor_delay`], [`Effect::play`] | lengths between the true and the measured ones | at output ([`sensors`]) |
+//! | [`Effect::see`], [`Effect::head_delay`] | poses of heads between the true and the measured ones | at output ([`sensors`]) |
 //! | [`Effect::twist`] | poses of the heads | at output ([`poses`]) |
 //!
 //! Hidden states (creep, hysteresis, lag) are not integrated with the arm: [`state::EffectState`] keeps their values at a step's
 //! start, a hook computes the value at a stage by an exact update from there, and a step's end commits it. However stiff
-//! they are, the arm's step does not see it.
+//! they are, the arm's step does not see it. They start where [`Effect::start`] says, at rest unless a kind has it otherwise.
 
 mod exponential;
 pub mod expression;
@@ -40,6 +40,7 @@ pub use state::{BellowsState, EffectState, Instant};
 
 use self::kinds::formula;
 use crate::body::Body;
+use crate::kinematics::section::Pose;
 use crate::real::Real;
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
@@ -90,6 +91,8 @@ pub enum PlaceKind {
     Input,
     /// All sensors, where `all` means the inputs.
     Sensors,
+    /// What measures the heads: a camera.
+    Heads,
 }
 
 /// How an effect is defined but for its numbers.
@@ -143,6 +146,9 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
         0
     }
 
+    /// Where its hidden states start in a simulation; they come as zero, which is no force.
+    fn start(&self, _hidden: &mut [T]) {}
+
     /// Adds its forces at an instant; `hidden` are its states at the step's start.
     #[inline(always)]
     fn add_forces(&self, _now: &mut Instant<'_, T>, _hidden: &[T]) {}
@@ -186,6 +192,19 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     fn head_delay(&self, _section: usize) -> Option<T> {
         None
     }
+
+    /// Half the play of the sensor of a length, m.
+    fn play(&self, _coordinate: usize) -> Option<T> {
+        None
+    }
+
+    /// Whether it acts on measured poses of heads beside delaying them.
+    fn shapes_heads(&self) -> bool {
+        false
+    }
+
+    /// What is seen of the pose of a section's head, in place.
+    fn see(&self, _section: usize, _head: &mut Pose<T>) {}
 
     /// Whether it acts on measured lengths.
     fn shapes_lengths(&self) -> bool {

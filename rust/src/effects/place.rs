@@ -18,6 +18,8 @@ pub enum Place {
     Input(String),
     /// `sensors`
     Sensors,
+    /// `heads`
+    Heads,
 }
 
 impl fmt::Display for Place {
@@ -29,6 +31,7 @@ impl fmt::Display for Place {
             Self::Bellows(i, k) => write!(f, "bellows {i}{k}"),
             Self::Input(name) => write!(f, "input {name}"),
             Self::Sensors => write!(f, "sensors"),
+            Self::Heads => write!(f, "heads"),
         }
     }
 }
@@ -39,6 +42,7 @@ impl Place {
         match text.split_once(' ') {
             None if text == "all" => Some(Self::All),
             None if text == "sensors" => Some(Self::Sensors),
+            None if text == "heads" => Some(Self::Heads),
             Some(("section", i)) => number(i).map(Self::Section),
             Some(("input", name)) if !name.is_empty() => Some(Self::Input(name.to_owned())),
             Some(("bellows", pair)) => {
@@ -62,6 +66,7 @@ impl Place {
             Self::Bellows(..) => PlaceKind::Bellows,
             Self::Input(_) => PlaceKind::Input,
             Self::Sensors => PlaceKind::Sensors,
+            Self::Heads => PlaceKind::Heads,
         }
     }
 }
@@ -116,7 +121,7 @@ impl Target {
             lengths: 0..3 * sections,
         };
         match place {
-            Place::All | Place::Sensors => Ok(all),
+            Place::All | Place::Sensors | Place::Heads => Ok(all),
             Place::Section(i) => {
                 let i = section(*i)?;
                 Ok(Self {

@@ -68,6 +68,7 @@ macro_rules! dispatch {
             change_arm(body: &mut Body<T>);
             is_actuation() -> bool;
             hidden() -> usize;
+            start(hidden: &mut [T]);
             add_forces(now: &mut Instant<'_, T>, hidden: &[T]);
             advance(now: &Instant<'_, T>, hidden: &mut [T]);
             shapes_pressures() -> bool;
@@ -77,6 +78,9 @@ macro_rules! dispatch {
             input_delay(input: usize) -> Option<T>;
             sensor_delay(coordinate: usize) -> Option<T>;
             head_delay(section: usize) -> Option<T>;
+            play(coordinate: usize) -> Option<T>;
+            shapes_heads() -> bool;
+            see(section: usize, head: &mut Pose<T>);
             shapes_lengths() -> bool;
             measure(coordinate: usize, length: T) -> T;
             twist(section: usize, torque: T) -> Option<T>;

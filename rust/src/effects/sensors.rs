@@ -1,5 +1,5 @@
-//! The chain between what is and what is measured. Lengths: delay first, then gains and offsets in the order of the file.
-//! Poses of heads: delay only, the whole arm's pose of that time.
+//! The chain between what is and what is measured. Lengths: delay first, then play, then gains and offsets in the order of
+//! the file. Poses of heads: delay, the whole arm's pose of that time, then what is seen of it.
 
 use super::{Effects, poses};
 use crate::body::Body;
@@ -15,6 +15,12 @@ pub struct Sensors<T> {
     delays: Vec<Option<T>>,
     /// Delay of what measures each head: the effects that make it, and their sum.
     heads: Vec<(Vec<usize>, T)>,
+    /// Whether something else acts on measured heads.
+    seen: bool,
+    /// Half the play of each length sensor, where there is one.
+    plays: Vec<Option<T>>,
+    /// Readings behind it, at the start and at the end of the last step; empty where no sensor has play.
+    readings: [Vec<T>; 2],
     longest: f64,
     /// Times, oldest first, and lengths and rates there, row by row.
     times: VecDeque<f64>,
@@ -43,16 +49,32 @@ impl<T: Real> Sensors<T> {
         let heads: Vec<_> = (0..n / 3).map(head).collect();
         let all = delays.iter().flatten().copied().chain(heads.iter().map(|h| h.1));
         let longest = all.fold(0.0, |m: f64, d| m.max(d.largest()));
-        // No effect delays a head without delaying lengths too.
-        if delays.iter().all(Option::is_none) && !list.iter().any(|e| e.kind.shapes_lengths()) {
+        // Plays one behind the other are one of the sum of their widths.
+        let play = |j: usize| list.iter().filter_map(|e| e.kind.play(j)).reduce(|sum, w| sum + w);
+        let plays: Vec<Option<T>> = (0..n).map(play).collect();
+        let seen = list.iter().any(|e| e.kind.shapes_heads());
+        let on_lengths = list.iter().any(|e| e.kind.shapes_lengths()) || plays.iter().any(Option::is_some);
+        let delayed = delays.iter().any(Option::is_some) || heads.iter().any(|(effects, _)| !effects.is_empty());
+        if !(delayed || on_lengths || seen) {
             return None;
         }
         let (times, states) = (VecDeque::from([start]), VecDeque::from([x.to_vec()]));
-        Some(Self { delays, heads, longest, times, states })
+        let read = if plays.iter().any(Option::is_some) { x[..n].to_vec() } else { Vec::new() };
+        Some(Self { delays, heads, seen, plays, readings: [read.clone(), read], longest, times, states })
     }
 
     /// A step ended at (`t`, `x`).
     pub fn end_step(&mut self, t: f64, x: &[T]) {
+        self.remember(t, x);
+        let [start, end] = &mut self.readings;
+        std::mem::swap(start, end);
+        for j in 0..self.readings[1].len() {
+            self.readings[1][j] = self.played(t, x, j);
+        }
+    }
+
+    /// The state at the end of a step, as long as a delay may ask for it.
+    fn remember(&mut self, t: f64, x: &[T]) {
         if self.longest == 0.0 {
             return;
         }
@@ -75,11 +97,29 @@ impl<T: Real> Sensors<T> {
         for row in &mut self.states {
             replace(row, x, which);
         }
+        for readings in &mut self.readings {
+            let n = readings.len();
+            replace(readings, &x[..n], which);
+        }
     }
 
     /// Calls `elapsed` s after the clock's present zero its new one.
     pub fn rewind(&mut self, elapsed: f64) {
         self.times.iter_mut().for_each(|t| *t -= elapsed);
+    }
+
+    /// Readings behind the play of sensors, at the end of the last step.
+    pub fn readings(&self) -> &[T] {
+        &self.readings[1]
+    }
+
+    /// Goes on from what [`Sensors::readings`] gave, the first of `numbers`; how many they are.
+    pub fn read_on(&mut self, numbers: &[T]) -> usize {
+        let n = self.readings[1].len();
+        for readings in &mut self.readings {
+            readings.copy_from_slice(&numbers[..n]);
+        }
+        n
     }
 
     /// What is remembered: times, oldest first, and the states then, one after the other.
@@ -96,10 +136,7 @@ impl<T: Real> Sensors<T> {
     /// Measured lengths at `t`, where the state is `x`, into `out`.
     pub fn measure(&self, effects: &Effects<T>, t: f64, x: &[T], out: &mut [T]) {
         for (j, length) in out.iter_mut().enumerate() {
-            let mut q = match self.delays[j] {
-                None => x[j],
-                Some(delay) => self.at(-delay + t, t, x, j),
-            };
+            let mut q = self.played(t, x, j);
             for entry in &effects.list {
                 q = entry.kind.measure(j, q);
             }
@@ -107,9 +144,21 @@ impl<T: Real> Sensors<T> {
         }
     }
 
-    /// Whether what measures the heads is delayed, of one head at least.
-    pub fn delays_heads(&self) -> bool {
-        self.heads.iter().any(|(effects, _)| !effects.is_empty())
+    /// Length `j` at `t` behind delay and play.
+    fn played(&self, t: f64, x: &[T], j: usize) -> T {
+        let length = match self.delays[j] {
+            None => x[j],
+            Some(delay) => self.at(-delay + t, t, x, j),
+        };
+        match self.plays[j] {
+            None => length,
+            Some(play) => self.readings[0][j].max(length - play).min(length + play),
+        }
+    }
+
+    /// Whether heads are measured otherwise than they are, one at least.
+    pub fn changes_heads(&self) -> bool {
+        self.seen || self.heads.iter().any(|(effects, _)| !effects.is_empty())
     }
 
     /// Measured poses of the heads at `t`, where the state is `x`, in order; `links` is work space, one a section.
@@ -134,8 +183,11 @@ impl<T: Real> Sensors<T> {
             for (j, length) in q.iter_mut().enumerate() {
                 *length = if own_delays.is_empty() { x[j] } else { self.at(-*delay + t, t, x, j) };
             }
-            poses::seen(body, effects, &q, links, |i, head| {
+            poses::seen(body, effects, &q, links, |i, mut head| {
                 if own.contains(&i) {
+                    for entry in &effects.list {
+                        entry.kind.see(i, &mut head);
+                    }
                     each(i, head);
                 }
             });

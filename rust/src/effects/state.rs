@@ -55,7 +55,7 @@ pub struct EffectState<T> {
 }
 
 impl<T: Real> EffectState<T> {
-    /// Work space for `body` with `effects`, hidden states at rest.
+    /// Work space for `body` with `effects`, hidden states where these start.
     pub fn new(body: &Body<T>, effects: &Effects<T>) -> Self {
         let count = body.sections.iter().map(|s| s.bellows.len()).sum();
         let o = T::zero();
@@ -66,7 +66,7 @@ impl<T: Real> EffectState<T> {
             start: None,
             bellows: vec![still; count],
             bellows_force: vec![o; count],
-            hidden: vec![o; effects.hidden_count()],
+            hidden: effects.start(),
         }
     }
 

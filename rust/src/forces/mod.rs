@@ -9,6 +9,7 @@ pub(crate) mod bellows;
 pub(crate) mod bending;
 pub(crate) mod external;
 pub(crate) mod spring;
+pub(crate) mod stiffening;
 pub(crate) mod weight;
 
 use crate::kinematics::link::Link;

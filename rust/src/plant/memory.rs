@@ -7,7 +7,7 @@ use crate::real::Real;
 /// What a plant remembers from step to step beside the state of the arm, see [`Plant::memory`].
 #[derive(Clone, Debug)]
 pub struct Memory<T> {
-    /// Hidden states of effects, chambers and stages between pressures, one after the other.
+    /// Hidden states of effects, chambers, sensors with play and stages between pressures, one after the other.
     pub numbers: Vec<T>,
     /// Times, s, and rows of the pressures that effects have yet to see.
     pub inputs: Vec<f64>,
@@ -33,8 +33,8 @@ impl<T: Real> Plant<T> {
         if let (Some(chambers), Some(pneumatics)) = (&mut self.chambers, &self.arm.pneumatics) {
             chambers.restart(pneumatics, &self.arm.body, which, &x[..x.len() / 2], p);
         }
-        for hidden in self.ws.effects.hidden_mut() {
-            *hidden = hidden.replaced(T::zero(), which);
+        for (hidden, start) in self.ws.effects.hidden_mut().iter_mut().zip(self.arm.effects.start()) {
+            *hidden = hidden.replaced(start, which);
         }
         if let Some(sensors) = &mut self.sensors {
             sensors.restart(which, x);
@@ -53,6 +53,9 @@ impl<T: Real> Plant<T> {
         let mut memory = Memory { numbers: self.ws.effects.hidden().to_vec(), ..Memory::default() };
         if let Some(chambers) = &self.chambers {
             chambers.save(&mut memory.numbers);
+        }
+        if let Some(sensors) = &self.sensors {
+            memory.numbers.extend_from_slice(sensors.readings());
         }
         if let Some(chain) = &self.chain {
             memory.numbers.extend_from_slice(chain.committed());
@@ -88,6 +91,9 @@ impl<T: Real> Plant<T> {
         self.ws.effects.hidden_mut().copy_from_slice(hidden);
         if let Some(chambers) = &mut self.chambers {
             rest = &rest[chambers.load(rest)..];
+        }
+        if let Some(sensors) = &mut self.sensors {
+            rest = &rest[sensors.read_on(rest)..];
         }
         if let Some(chain) = &mut self.chain {
             chain.resume(t, rest);

@@ -190,9 +190,9 @@ impl<T: Real> Plant<T> {
         }
     }
 
-    /// Whether what measures the heads is delayed.
-    pub fn delays_heads(&self) -> bool {
-        self.sensors.as_ref().is_some_and(Sensors::delays_heads)
+    /// Whether heads are measured otherwise than they are.
+    pub fn changes_heads(&self) -> bool {
+        self.sensors.as_ref().is_some_and(Sensors::changes_heads)
     }
 
     /// Poses of the heads as they are measured at (`t`, `x`), within the last step, in order: the true ones where no sensor

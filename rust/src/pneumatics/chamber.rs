@@ -8,14 +8,14 @@
 //! their force: F = dG/dq and V = dG/dp of one function G(q, p), so that dF/dp = dV/dq and air that is shut in does no work
 //! around a closed path, also where bellows share it. With [`AreaChange`], F = A_P (1 + a p + b (q - q_0)) p for p above
 //! ambient, that is V = A_P (q + b ((q - q_0)^2 - q_0^2) / 2 + 2 a p q): walls that give way by pressure make the volume
-//! one of pressure too.
+//! one of pressure too. Stiffness that changes with pressure has its share of it ([`crate::forces::stiffening`]).
 //! Limits: one temperature path for filling and emptying (no heat exchange of its own); ideal gas.
 
 use super::Pneumatics;
 #[cfg(doc)]
 use crate::body::AreaChange;
 use crate::body::Body;
-use crate::forces::{length, volume};
+use crate::forces::{length, stiffening, volume};
 use crate::kinematics::coordinates::arc_from_lengths;
 use crate::real::linear::Vec3;
 use crate::real::{Real, kernel};
@@ -63,6 +63,9 @@ pub fn volumes<T: Real>(body: &Body<T>, dead_volume: T, q: &[T], out: &mut [Volu
     if !body.area_changes.is_empty() {
         add_changes(body, q, None, out);
     }
+    if !body.stiffening.is_empty() {
+        add_stiffening(body, q, None, out);
+    }
 }
 
 /// Their rates at lengths `q` and the lengths' rates `qd` into `out`.
@@ -74,6 +77,9 @@ pub fn volume_rates<T: Real>(body: &Body<T>, (q, qd): (&[T], &[T]), out: &mut [V
     add(body, qd, out);
     if !body.area_changes.is_empty() {
         add_changes(body, q, Some(qd), out);
+    }
+    if !body.stiffening.is_empty() {
+        add_stiffening(body, q, Some(qd), out);
     }
 }
 
@@ -109,6 +115,20 @@ fn add_changes<T: Real>(body: &Body<T>, q: &[T], qd: Option<&[T]>, out: &mut [Vo
             };
             out[b.input].at_ambient += b.terminal_area * change.by_length * by_length;
             out[b.input].by_pressure += b.terminal_area * change.by_pressure * by_pressure * 2.0;
+        }
+    }
+}
+
+/// What stiffness that changes with pressure adds to that: a spring that is stiffer under pressure holds air back.
+#[inline(always)]
+fn add_stiffening<T: Real>(body: &Body<T>, q: &[T], qd: Option<&[T]>, out: &mut [Volume<T>]) {
+    for (i, (section, change)) in body.sections.iter().zip(&body.stiffening).enumerate() {
+        let (arc, rate) = (arc(body, i, q), qd.map(|qd| arc(body, i, qd)));
+        for b in &section.bellows {
+            out[b.input].at_ambient += match rate {
+                None => stiffening::volume(change, section, b, arc),
+                Some(rate) => stiffening::volume_rate(change, section, b, (arc, rate)),
+            };
         }
     }
 }

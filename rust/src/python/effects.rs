@@ -12,6 +12,7 @@ fn place_name(place: PlaceKind) -> &'static str {
         PlaceKind::Bellows => "bellows",
         PlaceKind::Input => "input",
         PlaceKind::Sensors => "sensors",
+        PlaceKind::Heads => "heads",
     }
 }
 

@@ -140,7 +140,7 @@ impl Simulation {
                 rows.measured_lengths.resize(start + n, 0.0);
                 plant.measured_lengths_into(time, &last, &mut rows.measured_lengths[start..]);
             }
-            if plant.delays_heads() {
+            if plant.changes_heads() {
                 plant.measured_heads(time, &last, &mut ws.links, |_, head| {
                     rows.measured_head_positions.extend(head.position.0);
                     rows.measured_head_orientations.extend(head.quaternion());

@@ -3,7 +3,7 @@
 //! Source: Ferry, *Viscoelastic Properties of Polymers*, 3rd ed., ch. 1 (generalized Maxwell model, one element); paper
 //! section IV-D names creep. Two branches (a Prony series) are two effects.
 //! Form: f = k z, z' = q' - z / tau, with q the length of the bellows. Sign: f resists, the bellows' force is -f.
-//! Hidden: z, m; at rest 0. Update: exact for a length that is cubic in time between the step's start and the stage
+//! Hidden: z, m; starts at `strain`, 0 where the material has rested: not so where the arm was moved shortly before. Update: exact for a length that is cubic in time between the step's start and the stage
 //! (values and rates at both ends), so the error is of fourth order in the step however short tau is.
 //! Validity: linear; passive for k >= 0.
 
@@ -17,6 +17,7 @@ use std::ops::Range;
 pub struct Creep<T> {
     stiffness: T,
     tau: T,
+    strain: T,
     bellows: Range<usize>,
 }
 
@@ -44,15 +45,22 @@ impl<T: Real> Effect<T> for Creep<T> {
     const PARAMETERS: &'static [Parameter] = &[
         Parameter::new("stiffness", "N/m", 0.0..=1e6, "stiffness k of the branch"),
         Parameter::new("tau", "s", 1e-4..=1e6, "relaxation time"),
+        Parameter::new("strain", "m", -1.0..=1.0, "extension z of the branch's spring when a simulation starts")
+            .or(0.0),
     ];
     const SEVERAL: bool = true;
 
     fn new(definition: &Definition, values: &[T]) -> Self {
-        Self { stiffness: values[0], tau: values[1], bellows: definition.target.bellows.clone() }
+        let bellows = definition.target.bellows.clone();
+        Self { stiffness: values[0], tau: values[1], strain: values[2], bellows }
     }
 
     fn hidden(&self) -> usize {
         self.bellows.len()
+    }
+
+    fn start(&self, hidden: &mut [T]) {
+        hidden.fill(self.strain);
     }
 
     #[inline(always)]

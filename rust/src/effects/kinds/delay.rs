@@ -2,7 +2,7 @@
 //!
 //! Form: p(t - time) acts; or, of sensors, q(t - time) is measured. Places: `all` and `input p13` delay inputs; `sensors`,
 //! `section 2` and `bellows 32` delay length sensors; `sensors` and `section 2` delay the measured poses of the heads with
-//! them. A run without feedback cannot tell a delay common to all inputs from one common to all sensors.
+//! them; `heads` delays these alone, as the latency of a camera beside wires does. A run without feedback cannot tell a delay common to all inputs from one common to all sensors.
 //! Limits: before the first sample the first one holds; a held (not interpolated) input has no derivative by the delay, so
 //! dual numbers see none there.
 
@@ -21,8 +21,14 @@ pub struct Delay<T> {
 
 impl<T: Real> Effect<T> for Delay<T> {
     const SUMMARY: &'static str = "dead time of inputs, or of sensors of lengths and heads";
-    const PLACES: &'static [PlaceKind] =
-        &[PlaceKind::All, PlaceKind::Input, PlaceKind::Sensors, PlaceKind::Section, PlaceKind::Bellows];
+    const PLACES: &'static [PlaceKind] = &[
+        PlaceKind::All,
+        PlaceKind::Input,
+        PlaceKind::Sensors,
+        PlaceKind::Section,
+        PlaceKind::Bellows,
+        PlaceKind::Heads,
+    ];
     const PARAMETERS: &'static [Parameter] = &[Parameter::new("time", "s", 0.0..=10.0, "dead time")];
 
     fn new(definition: &Definition, values: &[T]) -> Self {
@@ -31,6 +37,7 @@ impl<T: Real> Effect<T> for Delay<T> {
             Place::All | Place::Input(_) => (target.inputs.clone(), 0..0, 0..0),
             Place::Sensors | Place::Section(_) => (0..0, target.lengths.clone(), target.sections.clone()),
             Place::Bellows(..) => (0..0, target.lengths.clone(), 0..0),
+            Place::Heads => (0..0, 0..0, target.sections.clone()),
         };
         Self { time: values[0], inputs, lengths, heads }
     }

@@ -52,6 +52,9 @@ fn outputs<T: Real>(arm: &Arm<T>) -> Vec<T> {
         let mut lengths = vec![T::zero(); 9];
         sensors.measure(&arm.effects, 2.0 * h, &x1, &mut lengths);
         out.extend(lengths.iter().map(|l| *l * 100.0));
+        sensors.measure_heads(&arm.body, &arm.effects, 2.0 * h, &x1, &mut ws.links, |_, head| {
+            out.extend(head.position.0.map(|x| x * 100.0));
+        });
     }
     out
 }
@@ -66,6 +69,7 @@ fn with<T: Real>(p: &ArmParameters, name: &str, value: T) -> Vec<T> {
 fn sample(name: &str) -> Option<&'static [(&'static str, f64)]> {
     Some(match name {
         "effective_area" => &[("by_pressure", 1e-6), ("by_length", 0.5)],
+        "pressure_stiffness" => &[("axial", 1e-6), ("bending", 3e-6)],
         "payload" => &[("mass", 0.2), ("x", 0.03), ("y", -0.02), ("z", 0.05)],
         "base_tilt" => &[("about_x", 0.05), ("about_y", -0.1)],
         "tool_drag" => &[("stiffness", 20.0), ("damping", 1.0), ("drag", 2.0), ("anchor_x", 0.1)],
@@ -77,8 +81,8 @@ fn sample(name: &str) -> Option<&'static [(&'static str, f64)]> {
             ("normal_z", -0.9),
             ("rounding", 0.1),
         ],
-        "creep" => &[("stiffness", 300.0), ("tau", 0.01)],
-        "hysteresis" => &[("amplitude", 3.0), ("yield", 2e-3)],
+        "creep" => &[("stiffness", 300.0), ("tau", 0.01), ("strain", 1e-3)],
+        "hysteresis" => &[("amplitude", 3.0), ("yield", 2e-3), ("sharpness", 0.3), ("start", 0.2)],
         "friction" => {
             &[("coulomb_force", 1.0), ("presliding", 1e-3), ("static_ratio", 1.4), ("stribeck_velocity", 0.1)]
         }
@@ -87,6 +91,10 @@ fn sample(name: &str) -> Option<&'static [(&'static str, f64)]> {
         "valve_dead_band" => &[("band", 3e3)],
         "pressure_offset" => &[("offset", 500.0)],
         "pressure_gain" => &[("gain", 0.03)],
+        "leak" => &[("drop", 2e3)],
+        "supply_sag" => &[("share", 0.2), ("tau", 0.03)],
+        "wire_backlash" => &[("play", 1e-4)],
+        "marker_offset" => &[("x", 0.01), ("y", -0.02), ("z", 0.03)],
         "length_offset" => &[("offset", 1e-3)],
         "length_gain" => &[("gain", 0.01)],
         "weak_bellows" => &[("change", -0.2)],
@@ -121,6 +129,7 @@ fn derivatives_by_every_number_of_every_kind() {
                     PlaceKind::Bellows => "bellows 22",
                     PlaceKind::Input => "input p22",
                     PlaceKind::Sensors => "sensors",
+                    PlaceKind::Heads => "heads",
                 };
                 cases.push(effect(kind.name, text, numbers));
             }

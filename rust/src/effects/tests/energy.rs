@@ -14,6 +14,11 @@ fn passive(which: usize, strength: f64, scale: f64) -> EffectParameters {
     match which {
         0 => effect("creep", "all", &[("stiffness", 500.0 * strength), ("tau", 1e-3 * 1e3_f64.powf(scale))]),
         1 => effect("hysteresis", "all", &[("amplitude", 5.0 * strength), ("yield", length)]),
+        7 => effect(
+            "hysteresis",
+            "all",
+            &[("amplitude", 5.0 * strength), ("yield", length), ("sharpness", (7.0 * scale).fract())],
+        ),
         2 => effect(
             "friction",
             "all",
@@ -43,7 +48,7 @@ proptest! {
     /// The undamped arm let go under ambient pressure: kinetic and potential energy never exceed those of the start,
     /// since every hidden state starts empty and stores no less than nothing.
     #[test]
-    fn passive_effects_never_add_energy(which in 0..7_usize, strength in 0.0..1.0_f64, scale in 0.0..1.0_f64, bend in -0.02..0.02_f64) {
+    fn passive_effects_never_add_energy(which in 0..8_usize, strength in 0.0..1.0_f64, scale in 0.0..1.0_f64, bend in -0.02..0.02_f64) {
         let mut p = parameters(&[passive(which, strength, scale)]);
         for b in p.section.iter_mut().flat_map(|s| &mut s.bellows) {
             b.damping = 0.0;

@@ -58,6 +58,21 @@ fn creep_follows_its_closed_form() {
 }
 
 #[test]
+fn hidden_states_start_where_they_are_told() {
+    let still = |_: f64| (0.15, 0.0);
+    let creep = [effect("creep", "section 1", &[("stiffness", 100.0), ("tau", 0.4), ("strain", 0.02)])];
+    for z in follow(&creep, 0.3, 3, still, |_, _, _| ()) {
+        assert!((z - 0.02 * (-0.3_f64 / 0.4).exp()).abs() < 1e-16);
+    }
+    let stop =
+        effect("hysteresis", "section 1", &[("amplitude", 1.0), ("yield", 0.01), ("sharpness", 1.0), ("start", -0.6)]);
+    let ramp = |t: f64| (0.15 + 0.1 * t, 0.1);
+    for w in follow(&[stop], 0.12, 3, ramp, |_, _, _| ()) {
+        assert!((w - 0.6).abs() < 1e-12);
+    }
+}
+
+#[test]
 fn hysteresis_loop_has_the_area_of_the_closed_form() {
     let (force, reach) = (3.0, 0.01);
     let effects = [effect("hysteresis", "bellows 11", &[("amplitude", force), ("yield", reach)])];
@@ -93,6 +108,7 @@ fn hysteresis_loop_has_the_area_of_the_closed_form() {
 fn slip_converges_at_second_order_through_turns() {
     for effects in [
         [effect("hysteresis", "bellows 11", &[("amplitude", 3.0), ("yield", 0.01)])],
+        [effect("hysteresis", "bellows 11", &[("amplitude", 3.0), ("yield", 0.01), ("sharpness", 0.6)])],
         [effect(
             "friction",
             "bellows 11",

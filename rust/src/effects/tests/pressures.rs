@@ -101,6 +101,70 @@ fn dead_band_is_a_play() {
     assert!(close(&found, &[1e5, 1.9e5, 1.9e5, 1.9e5, 1.6e5, 1.6e5], 1e-9), "{found:?}");
 }
 
+#[test]
+fn what_a_leak_takes_goes_with_the_root() {
+    let arm = arm(&[effect("leak", "section 1", &[("drop", 4e3)])]);
+    for above in [-3e4, -50.0, 0.0, 10.0, 2e4, 1e5, 1.8e5] {
+        let (mut u, mut p) = (vec![AMBIENT; 9], vec![AMBIENT + above; 9]);
+        u.copy_from_slice(&p);
+        at_rest(&arm.effects, &mut p);
+        // Along the tube falls what an orifice lets out.
+        let fall = 4e3 * ((p[1] - AMBIENT).abs() / 1e5).sqrt() * above.signum();
+        assert!((u[1] - p[1] - fall).abs() < 1e-6, "{above}: {}", u[1] - p[1]);
+        assert_eq!(p[4], u[4]);
+    }
+}
+
+#[test]
+fn chambers_that_fill_together_fill_more_slowly() {
+    // Three chambers by Euler's method with a tiny step and the sag by bisection, written apart: one rises, one falls, one
+    // wants less than the sag.
+    let (share, tau) = (0.8, 0.1);
+    let arm = arm(&[effect("supply_sag", "section 1", &[("share", share), ("tau", tau)])]);
+    let kind = &arm.effects.list[0].kind;
+    let line = |t: f64| [1.6e5 + 2e4 * t, 1.3e5 - 1e5 * t, 1.22e5 + 4e4 * t];
+    let begin = [1.2e5, 1.3e5, 1.2e5];
+    let (mut p, h) = (begin, 1e-6);
+    for k in 0..300_000 {
+        let u = line(h * f64::from(k));
+        let (mut low, mut high) = (0.0, 1e5);
+        for _ in 0..60 {
+            let sag = 0.5 * (low + high);
+            let drawn: f64 = u.iter().zip(p).map(|(u, p)| (u - p - sag).max(0.0)).sum();
+            if share * drawn > sag { low = sag } else { high = sag }
+        }
+        for (p, u) in p.iter_mut().zip(u) {
+            let e = u - *p;
+            *p += h / tau * if e > 0.0 { (e - low).max(0.0) } else { e };
+        }
+    }
+    let found = |pieces: u32| {
+        let (mut out, length) = (begin, 0.3 / f64::from(pieces));
+        for k in 0..pieces {
+            let pad = |x: [f64; 3]| [x.as_slice(), &[1e5; 6]].concat();
+            let (t0, t1) = (length * f64::from(k), length * f64::from(k + 1));
+            let mut next = pad(line(t1));
+            kind.pressures(length, &pad(line(t0)), &pad(out), &mut next);
+            assert!(next[3..].iter().all(|p| *p == 1e5));
+            out.copy_from_slice(&next[..3]);
+        }
+        out
+    };
+    let error = |pieces| found(pieces).iter().zip(p).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+    let (coarse, fine) = (error(15), error(60));
+    assert!(fine < 30.0 && fine < 0.2 * coarse, "{coarse} {fine}");
+    // The supply alone is what tells it from a lag: without its resistance it is one.
+    let free = super::arm(&[effect("supply_sag", "section 1", &[("share", 0.0), ("tau", tau)])]);
+    let lag = super::arm(&[effect("pressure_lag", "section 1", &[("fill", tau), ("vent", tau)])]);
+    let after = |arm: &Arm| {
+        let mut next = [line(0.02).as_slice(), &[1e5; 6]].concat();
+        let (from, last) = ([line(0.0).as_slice(), &[1e5; 6]].concat(), [begin.as_slice(), &[1e5; 6]].concat());
+        arm.effects.list[0].kind.pressures(0.02, &from, &last, &mut next);
+        next
+    };
+    assert!(close(&after(&free), &after(&lag), 1e-12));
+}
+
 /// Gains act on gauge pressure.
 const AMBIENT: f64 = 101_325.0;
 

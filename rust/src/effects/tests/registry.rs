@@ -7,8 +7,9 @@ use crate::error::Error;
 #[test]
 fn kinds_are_complete_and_their_defaults_allowed() {
     let wanted = "creep hysteresis friction quadratic_damping bending_damping bending_nonlinear bending_anisotropy section_coupling \
-                  effective_area weak_bellows payload base_tilt tool_drag contact pressure_lag delay valve_dead_band \
-                  pressure_offset pressure_gain length_offset length_gain work_conjugate torsion taper distributed_mass formula";
+                  effective_area pressure_stiffness weak_bellows payload base_tilt tool_drag contact pressure_lag delay \
+                  valve_dead_band pressure_offset pressure_gain leak supply_sag length_offset length_gain wire_backlash \
+                  marker_offset work_conjugate torsion taper distributed_mass formula";
     let names: Vec<_> = KINDS.iter().map(|k| k.name).collect();
     assert_eq!(names, wanted.split_whitespace().collect::<Vec<_>>());
     for kind in KINDS {
@@ -21,7 +22,7 @@ fn kinds_are_complete_and_their_defaults_allowed() {
 
 #[test]
 fn places_read_as_they_are_written() {
-    for text in ["all", "section 2", "bellows 32", "bellows 10_2", "bellows 1_12", "input p13", "sensors"] {
+    for text in ["all", "section 2", "bellows 32", "bellows 10_2", "bellows 1_12", "input p13", "sensors", "heads"] {
         assert_eq!(Place::parse(text).unwrap().to_string(), text);
     }
     for text in

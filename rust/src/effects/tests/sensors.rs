@@ -98,12 +98,81 @@ fn a_delay_of_a_section_is_one_of_its_sensors() {
 }
 
 #[test]
+fn a_delay_of_heads_moves_no_length() {
+    let times = [0.5, 0.9, 1.3];
+    let late = run(arm(&[effect("delay", "heads", &[("time", 0.08)])]), &times);
+    let earlier = run(arm(&[]), &times.map(|t| t - 0.08));
+    assert!(largest_difference(&late.measured_lengths, &late.lengths) < 1e-15);
+    for i in 0..3 {
+        assert!(largest_difference(&head(&late, i, true), &head(&earlier, i, false)) < 1e-6);
+    }
+}
+
+#[test]
+fn a_marker_is_another_point_of_its_head() {
+    let times = [0.4, 0.8, 1.2];
+    let (x, y, z) = (0.02, -0.01, 0.05);
+    let marked = run(arm(&[effect("marker_offset", "section 2", &[("x", x), ("y", y), ("z", z)])]), &times);
+    let plain = run(arm(&[]), &times);
+    assert!(largest_difference(&marked.lengths, &plain.lengths) < 1e-15);
+    for i in [0, 2] {
+        assert!(largest_difference(&head(&marked, i, true), &head(&plain, i, false)) < 1e-15);
+    }
+    for (seen, own) in head(&marked, 1, true).chunks(7).zip(head(&plain, 1, false).chunks(7)) {
+        assert!(largest_difference(&seen[3..], &own[3..]) < 1e-15);
+        // v + 2 w (q x v) + 2 q x (q x v) for the unit quaternion (w, q).
+        let (w, q) = (own[3], [own[4], own[5], own[6]]);
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let once = cross(q, [x, y, z]);
+        let twice = cross(q, once);
+        let expected: Vec<f64> = (0..3).map(|k| own[k] + [x, y, z][k] + 2.0 * (w * once[k] + twice[k])).collect();
+        assert!(largest_difference(&seen[..3], &expected) < 1e-12);
+    }
+}
+
+#[test]
+fn a_wire_with_play_follows_when_it_is_used_up() {
+    let times: Vec<f64> = (0..=1500).map(|k| 1e-3 * f64::from(k)).collect();
+    let plain = run(arm(&[]), &times);
+    let effects = [
+        effect("wire_backlash", "all", &[("play", 5e-4)]),
+        effect("wire_backlash", "bellows 12", &[("play", 3e-4)]),
+        effect("length_offset", "bellows 13", &[("offset", 1e-3)]),
+    ];
+    let measured = run(arm(&effects), &times);
+    // The play operator over the true lengths, which the rows show at the end of every step.
+    for (j, play, offset) in [(0, 5e-4, 0.0), (1, 8e-4, 0.0), (2, 5e-4, 1e-3), (8, 5e-4, 0.0)] {
+        let (mut reading, mut most) = (plain.lengths[j], 0.0_f64);
+        for row in 0..times.len() {
+            let length = plain.lengths[9 * row + j];
+            reading = f64::max(length - play, f64::min(reading, length + play));
+            let found = measured.measured_lengths[9 * row + j];
+            most = most.max((found - length).abs());
+            assert!((found - reading - offset).abs() < 1e-12, "{j} {row}: {found} {reading}");
+        }
+        assert!(most > 0.99 * play);
+    }
+    // A simulation that goes on from another's memory reads on.
+    let mut first = Simulation::new(Arc::new(arm(&effects)), swing(), options(), 0.0, None, None).unwrap();
+    let (begun, ok) = first.advance(&times[..400], &mut || false);
+    ok.unwrap();
+    let (rest, ok) = first.advance(&times[400..], &mut || false);
+    ok.unwrap();
+    let parts = [begun.measured_lengths, rest.measured_lengths].concat();
+    assert!(largest_difference(&parts, &measured.measured_lengths) < 1e-15);
+}
+
+#[test]
 fn members_in_lanes_measure_as_they_do_alone() {
     let times: Vec<f64> = (0..25).map(|k| 0.02 * f64::from(k)).collect();
     let delays = |k: usize| {
         let own = [
             effect("delay", "sensors", &[("time", 0.003 * k as f64)]),
             effect("delay", "section 3", &[("time", 0.02 - 0.004 * k as f64)]),
+            effect("marker_offset", "section 2", &[("x", 0.01 * k as f64), ("z", 0.03)]),
+            effect("wire_backlash", "section 1", &[("play", 1e-4 * k as f64)]),
         ];
         [poses().as_slice(), &own].concat()
     };

@@ -162,7 +162,7 @@ impl<T: Real> Kernel for Run<'_, '_, '_, T> {
             if measured && result.is_ok() {
                 system.plant.measured_lengths_into(*time, integrator.state(), &mut read);
                 let x = integrator.state();
-                if wanted && system.plant.delays_heads() {
+                if wanted && system.plant.changes_heads() {
                     system.plant.measured_heads(*time, x, &mut links, |i, head| heads[i] = head);
                 }
                 for (k, (_, slot)) in members.iter_mut().enumerate() {
