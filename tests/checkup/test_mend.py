@@ -94,6 +94,10 @@ def test_identify_and_diagnose_go_on_with_the_repair(tmp_path: Path) -> None:
     result = bha.identify(arm, [swapped], ["section.1.mass"], repair=True)
     assert any(note.startswith("repaired, ") for note in result.notes)
     assert result.converged
+    with pytest.warns(bha.LogWarning):
+        as_it_is = bha.identify(arm, [swapped], ["section.1.mass"])
+    assert "do not belong together" in as_it_is.notes[0]
+    assert "tubes exchanged: p11 and p12" in as_it_is.notes[0]
     found = bha.diagnose(arm, [swapped], kinds=("weak_bellows",), repair=True)
     assert any(text.startswith("repaired, ") for text in found.setup)
     assert found.verdict == "equivalent"

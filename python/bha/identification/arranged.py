@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from bha.arm import Arm
-from bha.checkup import checked
+from bha.checkup import Finding, checked
 from bha.errors import InputError
 from bha.estimation.conditions import Condition, changes_of
 from bha.estimation.free import FreeParameter
@@ -27,12 +27,14 @@ class Arranged:
         used: those to fit.
         held: those held out.
         repairs: what was mended, in sentences.
+        faults: by what logs and file do not belong together, in sentences.
     """
 
     arm: Arm
     used: tuple[Record, ...]
     held: tuple[Record, ...]
     repairs: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
 
 
 def arranged(
@@ -62,6 +64,7 @@ def arranged(
     """
     items: list[Log | Recording | Record] = [*logs, *holdout]
     repairs: tuple[str, ...] = ()
+    faults: list[Finding] = []
     if repair:
         others = [item for item in items if not isinstance(item, Record)]
         if len(others) < len(items) or changes:
@@ -69,6 +72,7 @@ def arranged(
             raise InputError(f"repair: not with {what}; mend the file first, and give logs or recordings")
         checkup = checked(arm, others, pressures=pressures, repair=True)
         arm, repairs, items = checkup.arm, checkup.repairs, list(checkup.recordings)
+        faults += checkup.faults
     names = [_name(item) for item in items]
     session_of: dict[int, str] = {}
     for session, members in (sessions or {}).items():
@@ -97,10 +101,11 @@ def arranged(
         made.append(record(arm, recording, session=session, changes=dict(values)))
     if not repair:
         for values, own in groups.items():
-            checked(arms[values], own)
+            faults += checked(arms[values], own).faults
     used, held = made[: len(logs)], made[len(logs) :]
     _check_once(used, held)
-    return Arranged(arm, tuple(used), tuple(held), repairs)
+    said = [f"logs and file do not belong together: {fault.in_a_line()}" for fault in faults]
+    return Arranged(arm, tuple(used), tuple(held), repairs, tuple(dict.fromkeys(said)))
 
 
 def _name(item: Log | Recording | Record) -> str:

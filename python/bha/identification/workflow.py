@@ -105,7 +105,7 @@ def identify(
     result = identification(arm, fit, held)
     commanded = any(rec.drive.commanded for rec in used)
     times = common_times(fit.arm, mean_pressures(used), _lag_error(result)) if commanded else ()
-    notes = (*found.repairs, *_notes(start, result, used), *map(_of_time, times))
+    notes = (*found.faults, *found.repairs, *_notes(start, result, used), *map(_of_time, times))
     return replace(result, notes=notes, common_times=times)
 
 
