@@ -109,7 +109,7 @@ def diagnose(
     if out is not None and report:
         import_extra("plotly", extra="report", purpose="The report of a diagnosis")
     folder = None if out is None else make_folder(out)
-    from bha.diagnosis import force_summary, workflow, written  # noqa: PLC0415  (SciPy is an extra)
+    from bha.diagnosis import force_summary, slowness, workflow, written  # noqa: PLC0415  (SciPy is an extra)
     from bha.diagnosis.cache import cache_folder  # noqa: PLC0415
     from bha.diagnosis.splitting import split  # noqa: PLC0415
 
@@ -136,8 +136,11 @@ def diagnose(
             tolerance=tolerance,
         )
         made = written.made_by(command, seed, train, held)
-        setup = [*checkup.repairs, *outcome.diagnosis.setup]
         diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
+        if train[0].pressures.sort == "commanded":
+            told = slowness.lag_or_damping(outcome.diagnosis, diagnosed, outcome.baseline.problem.records)
+            outcome = replace(outcome, diagnosis=told)
+        setup = [*checkup.repairs, *outcome.diagnosis.setup]
         proposal = split(diagnosed, outcome.diagnosis, outcome.holdout.problem.records[0].observation, seed)
         experiment = None if proposal is None else written.experiment_of(proposal, folder)
         update = {"made": made, "setup": setup, "next_experiment": experiment}

@@ -209,8 +209,10 @@ def _effects(
         alike = {t.key[place]: _alternative(t, place) for t, distance in rivals if distance < ALIKE}
         refitted = {t.key[place] for t, _ in rivals}
         for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
-            if (kind, where) not in refitted:
-                alike.setdefault((kind, where), _promised(best.get((kind, where)), kind, where))
+            promised = best.get((kind, where))
+            # What would help with the wrong sign only is no member of the class.
+            if (kind, where) not in refitted and (promised is None or promised.scored.score > 0.0):
+                alike.setdefault((kind, where), _promised(promised, kind, where))
         compared = [t for t, _ in rivals[:5]]
         shares = confidences(problem, [chosen, *compared], seed) if rivals else np.ones(1)
         in_class = [k for k, t in enumerate(compared, start=1) if t.key[place] in alike]
@@ -256,7 +258,7 @@ def _promised(entry: excitation.Best | None, kind: str, where: str) -> Alternati
     term, start = entry.scored.candidate.term(entry.scored.strengths, core_ranges())
     strengths = dict(zip((s.name for s in entry.scored.candidate.plan.strengths), entry.scored.strengths, strict=False))
     x = [
-        c.coordinate(strengths[str(c.path[-1])]) if str(c.path[-1]) in strengths else v
+        c.coordinate(strengths[number_of(c)]) if number_of(c) in strengths else v
         for c, v in zip(term.coordinates, start, strict=True)
     ]
     return _with_numbers(kind, where, together(term.elements(x), entry.scored.candidate.plan.adding))

@@ -21,6 +21,7 @@ from bha.arm import Arm
 from bha.diagnosis.force import ResidualForce, estimated
 from bha.diagnosis.force_law import Law, follow
 from bha.diagnosis.force_table import VARIABLES, ResidualTable
+from bha.diagnosis.holdout import error_of, predicted, rms_errors, up_to_run_away
 from bha.diagnosis.model import runs_of
 from bha.diagnosis.noise import ar1_density
 from bha.diagnosis.result import CarriedTable, ForceAlong, ResidualForceFound
@@ -128,19 +129,16 @@ def _certified(
     """The table that predicts held-out logs better, and what is to be said of it or of why there is none."""
     if law is None:
         return None, "it follows neither length nor rate nor pressure of the bellows, so that no table of it is made"
-    before = outcome.diagnosis.gap.before
-    table = ResidualTable(
-        schema="bha-residual/1", arm=arm.name, logs=logs, without=before, error=before, tables=law.tables
-    )
+    table = ResidualTable(schema="bha-residual/1", arm=arm.name, logs=logs, without=0.0, error=0.0, tables=law.tables)
     over = " and ".join(VARIABLES[name][0] for name in law.variables)
     try:
-        after = _error(outcome, table.carried(arm))
+        before, after = _errors(outcome, table.carried(arm))
     except BhaError as error:
         return None, f"it follows {over}, but no arm can carry a table of that: {error}"
     if not after < (1.0 - LEAST_GAIN) * before:
         worse = f"{1e3 * after:.3g} mm" if np.isfinite(after) else "a motion that runs away"
         return None, f"it follows {over}, but a table of that predicts the held-out logs no better ({worse})"
-    table = table.model_copy(update={"error": after})
+    table = table.model_copy(update={"without": before, "error": after})
     carried = CarriedTable(
         variables=list(law.variables), shared=law.shared, explained=law.explained, before=before, after=after
     )
@@ -151,16 +149,19 @@ def _certified(
     return (carried, table), text
 
 
-def _error(outcome: Investigation, arm: Arm) -> float:
-    """Error on the held-out logs, m RMS, open loop, over the rows that ``gap`` counts; infinite where it runs away."""
-    states, camera = outcome.plain.prediction.states, outcome.model.camera(outcome.x)
-    outputs = outcome.holdout.problem.engine.run(runs_of(arm, outcome.held, states, camera))
-    squares, count = 0.0, 0
-    for record, y, end in zip(outcome.held, outputs, outcome.until, strict=True):
-        error = (record.measured - y)[record.usable & (record.time < end)[:, None]]
-        squares += float(np.sum(error**2)) if np.all(np.isfinite(error)) else np.inf
-        count += error.size
-    return float(np.sqrt(squares / max(count, 1)))
+def _errors(outcome: Investigation, arm: Arm) -> tuple[float, float]:
+    """Error on the held-out logs, open loop, m RMS, of the plain model and of ``arm``, as ``gap`` counts it.
+
+    That of an arm that runs away anywhere is infinite.
+    """
+    holdout, plain = outcome.holdout, outcome.plain.prediction
+    problem = holdout.problem
+    raw = problem.engine.run(runs_of(arm, problem.records, plain.states, outcome.model.camera(outcome.x)))
+    outputs, until = up_to_run_away(problem, raw)
+    white, error = problem.residual(outputs), error_of(problem, raw)
+    carried = predicted(problem, holdout.readings, outputs, plain.states, white, until, error)
+    before, after = rms_errors(plain, carried)
+    return before, after if np.all(np.isinf(until)) else np.inf
 
 
 def write_force(found: Unexplained, folder: Path) -> Unexplained:

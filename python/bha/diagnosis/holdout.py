@@ -18,7 +18,9 @@ from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.fit import STATE_SPREAD, Fit, Problem, state_columns, state_units
 from bha.diagnosis.model import Model
+from bha.diagnosis.start import first_state, tells_state
 from bha.diagnosis.where import block_edges
+from bha.errors import BhaError
 from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
@@ -97,7 +99,7 @@ class Holdout:
 
     def predict(self, model: Model, x: Array) -> Prediction:
         """Open-loop prediction; rows from where a run runs away do not count."""
-        fit, until, rms = self._evaluate(model, x, self._states)
+        fit, until, rms = self._evaluate(model, x, self._begin(model, x))
         if self._sensitivities is None and np.isfinite(fit.cost):
             self._sensitivities = state_columns(self.problem, fit)
         for _ in range(2):
@@ -108,6 +110,20 @@ class Holdout:
                 break
             fit, until, rms = trial, later, error
         return predicted(self.problem, self.readings, fit.outputs, fit.states, fit.residual, until, rms)
+
+    def _begin(self, model: Model, x: Array) -> Sequence[Array]:
+        """Guesses of the initial states; as the model's camera sees them where that is free: another has another pose.
+
+        Without that a model whose camera stands elsewhere is held to a state that is off by as much.
+        """
+        camera, records = model.camera(x), self.problem.records
+        if camera is None or not tells_state(records[0].observation, model.sections):
+            return self._states
+        try:
+            arm = model.arm(x)
+            return [first_state(arm, record.seen_by(camera), model.sections) for record in records]
+        except BhaError:
+            return self._states
 
     def _evaluate(self, model: Model, x: Array, states: Sequence[Array]) -> tuple[Fit, tuple[float, ...], float]:
         """The model at ``x`` up to where it runs away, and its error over all rows, m."""

@@ -18,6 +18,7 @@ from bha.diagnosis.fit import Fit, Problem, columns, evaluate, improve, restarte
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.memory import by_log, numbers_per_independent
 from bha.diagnosis.model import EffectTerm
+from bha.diagnosis.slowness import LAG, better_way
 from bha.diagnosis.steps import resolved
 from bha.errors import ConvergenceError
 
@@ -147,6 +148,8 @@ def refit(
         except ConvergenceError:
             return None
         fit = restarted(problem, fit)
+        if any(c.kind == LAG for c in candidates[kept:]):
+            fit = better_way(problem, fit)
         store(problem, fit, name)
     acting, fit = without_idle(candidates, fit)
     return Trial(acting, fit, holdout)

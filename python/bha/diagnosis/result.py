@@ -106,6 +106,20 @@ class Correction(Table):
     parameters: dict[str, Number]
 
 
+class SlowSection(Table):
+    """What a section shows of the lag of its pressures and its own damping together; which is which is not told.
+
+    Attributes:
+        section: its number.
+        across: both together, of a motion across its axis, s.
+        along: of a motion along it, s.
+    """
+
+    section: int
+    across: Finite
+    along: Finite
+
+
 class Effect(Table):
     """A named effect.
 
@@ -124,6 +138,7 @@ class Effect(Table):
             cause.
         experiment: what would tell it from those it is confused with, empty where nothing has to.
         gap_removed: share of the excess error on the held-out logs that it removes, beside the other effects named.
+        slow: of a class "lag of the pressures or damping" the times that both have together; else empty.
         corrections: more of the same kind at nested places. Real effects have other forms than the catalogue's and
             differ between the bellows of an arm; such terms are no causes of their own.
     """
@@ -138,6 +153,7 @@ class Effect(Table):
     empirical: bool = False
     experiment: str = ""
     gap_removed: Finite = 0.0
+    slow: list[SlowSection] = []
     corrections: list[Correction] = []
 
 

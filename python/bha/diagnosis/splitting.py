@@ -82,7 +82,8 @@ def split(arm: Arm, found: Diagnosis, observation: Observation, seed: int = 0) -
         observation: what is measured of the arm.
         seed: of the programmes.
     """
-    effect = next((e for e in found.effects if e.one_of), None)
+    # Pressures alone never split lag from damping: near a pose the two change places and nothing shows.
+    effect = next((e for e in found.effects if e.one_of and not e.slow), None)
     if effect is None:
         return None
     members = arms_of_class(arm, effect)

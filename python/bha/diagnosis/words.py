@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from bha.parameters import EFFECT_KINDS, Place
 
 if TYPE_CHECKING:
-    from bha.diagnosis.result import Alternative, Diagnosis, Effect, Gap, NextExperiment
+    from bha.diagnosis.result import Alternative, Diagnosis, Effect, Gap, NextExperiment, SlowSection
 
 Numbers = Mapping[str, float]
 
@@ -362,11 +362,22 @@ def in_words(effect: Effect | Alternative) -> str:
 
 def class_in_words(effect: Effect, most: int = 2) -> str:
     """An effect with what it cannot be told from, the likeliest ones: "either ... or ..."."""
+    if effect.slow:
+        return slow_in_words(effect.slow)
     if not effect.one_of:
         return in_words(effect)
     shown = [in_words(effect), *map(in_words, effect.one_of[:most])]
     more = len(effect.one_of) - most
     return f"either {', or '.join(shown)}" + (f", or {more} more" if more > 0 else "")
+
+
+def slow_in_words(slow: Sequence[SlowSection]) -> str:
+    """Lag of the pressures or damping, with the times that are told."""
+    times = "; ".join(
+        f"section {s.section}: together {number(s.across, 's')} across its axis, {number(s.along, 's')} along it"
+        for s in slow
+    )
+    return f"lag of the pressures or damping ({times})"
 
 
 def alike_in_words(effect: Effect) -> str:

@@ -79,8 +79,6 @@ class Investigation:
         holdout: the held-out logs.
         baseline: the plain fit.
         uncertainty: 95 % interval of every coordinate of ``model``.
-        held: the held-out logs with all their rows.
-        until: the time of each up to which they are compared, s: after that a model runs away.
     """
 
     diagnosis: Diagnosis
@@ -91,8 +89,6 @@ class Investigation:
     holdout: Holdout
     baseline: Baseline
     uncertainty: list[tuple[float, float]]
-    held: tuple[Record, ...]
-    until: tuple[float, ...]
 
 
 def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one call)
@@ -229,8 +225,6 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         holdout=holdout,
         baseline=baseline,
         uncertainty=uncertainty,
-        held=tuple(held),
-        until=tuple(until),
     )
 
 

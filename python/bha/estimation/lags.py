@@ -58,7 +58,14 @@ def common_times(arm: Arm, pressures: NDArray[np.float64], error: float = math.i
     table = arm.parameters.pneumatics
     if table is None or table.level != "lag" or table.fill_time is None or table.vent_time is None:
         return ()
-    lag, found = 0.5 * (table.fill_time + table.vent_time), []
+    return common_with(arm, pressures, 0.5 * (table.fill_time + table.vent_time), error)
+
+
+def common_with(
+    arm: Arm, pressures: NDArray[np.float64], lag: float, error: float = math.inf
+) -> tuple[CommonTime, ...]:
+    """The common times of the sections with a lag of their pressures, s, wherever it stands in the arm's file."""
+    found = []
     for number, section in enumerate(arm.parameters.sections, start=1):
         own = rates(arm, pressures, number)
         if own is None:

@@ -1,0 +1,233 @@
+"""Lag of the pressures or damping: two slow stages, one after the other, and which of them is whose.
+
+What: chambers that follow their commands with a lag, and sections whose damping outweighs their mass, are two stages of
+first order in a row. Near a pose the arm answers to commands alike if the two change places (their transfer functions
+commute): what commands tell is the time that both have together, and the lag alone only where it is much the longer one
+(:mod:`bha.estimation.lags`, whose rule counts here too). Hence
+
+- a fit with a lag is begun anew with the two exchanged, and with their time divided otherwise: it ends in whichever
+  valley it began;
+- a lag, a delay or a damping of bending that is named from commands on such an arm is the class "lag of the pressures
+  or damping" where that rule does not tell the lag; a damping far above the file's is said to be perhaps a lag.
+
+Validity: arms without swing; a lag that is alike for all inputs.
+What splits the class: pressures measured in the chambers, or the arm let go by hand under constant pressures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.diagnosis.fit import Fit, Problem, evaluate, improve
+from bha.diagnosis.model import Model, is_damping, number_of
+from bha.diagnosis.result import Alternative, Diagnosis, Effect, Number, SlowSection
+from bha.diagnosis.words import slow_in_words
+from bha.errors import BhaError, ConvergenceError
+from bha.estimation.apart import mean_pressures
+from bha.estimation.lags import CommonTime, common_with
+from bha.parameters import paths
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.estimation.records import Record
+
+Array = NDArray[np.float64]
+
+LAG = "pressure_lag"
+#: Kinds that slow an arm without swing down.
+SLOW = (LAG, "delay", "bending_damping")
+#: Shares of the common time that a lag begins with, beside those that were found and their exchange.
+SHARES = (0.4, 0.75)
+#: Damping over the file's from which a lag may have been taken for it.
+FAR = 3.0
+#: What splits the class.
+EXPERIMENT = (
+    "log the pressures in the chambers beside the commands, or let the arm go by hand under constant pressures: it "
+    "comes back by its damping alone"
+)
+
+
+def relaxation(model: Model, x: Array) -> float:
+    """Damping over tangent stiffness, s: geometric mean over the sections' places."""
+    found = []
+    for own, value in zip(model.plain, x, strict=False):
+        key = paths.key_of(own.path)
+        if is_damping(own):
+            found.append(np.log(own.value(float(value))))
+        elif key == "tangent_stiffness":
+            found.append(-np.log(own.value(float(value))) / _places(model, own.path))
+    return float(np.exp(np.sum(found) / model.sections))
+
+
+def _places(model: Model, path: str) -> int:
+    """In how many places the tangent stiffness of the section of ``path`` is a coordinate."""
+    section = path.rpartition(".")[0]
+    return sum(c.path.rpartition(".")[0] == section for c in model.plain)
+
+
+def lag_of(model: Model, x: Array) -> tuple[slice, float] | None:
+    """Where the lag of all inputs stands among the coordinates, and its time, s; None where there is not one."""
+    lags = [k for k, effect in enumerate(model.effects) if effect.kind == LAG]
+    if len(lags) != 1 or (model.effects[lags[0]].where != "all" and model.sections > 1):
+        return None
+    place = model.place(lags[0])
+    numbers = model.effects[lags[0]].elements([float(v) for v in x[place]])[0]
+    if model.effects[lags[0]].where.startswith("input") or not numbers:
+        return None
+    return place, float(np.sqrt(numbers["fill"] * numbers["vent"]))
+
+
+def divided(model: Model, x: Array, lag: float, relaxed: float) -> Array | None:
+    """Coordinates with another lag of the pressures and another relaxation of the sections, s; None without the two.
+
+    Masses, inertias and their centres are the file's: what makes up for a stage that is missing is absurd with it.
+    """
+    found, now = lag_of(model, x), relaxation(model, x)
+    if found is None or not any(is_damping(c) for c in model.plain) or not (found[1] > 0.0 and now > 0.0):
+        return None
+    place, before = found
+    other = x.copy()
+    for k, own in enumerate(model.coordinates):
+        value = own.value(float(x[k]))
+        key = number_of(own)
+        if k < len(model.plain):
+            if is_damping(own):
+                other[k] = own.coordinate(value * relaxed / now)
+            elif paths.key_of(own.path) in ("mass", "inertia", "center_of_mass"):
+                other[k] = 0.0
+        elif place.start <= k < place.stop and key in ("fill", "vent"):
+            other[k] = own.coordinate(value * lag / before)
+        elif own.name.startswith("bending_damping") and key == "damping":
+            other[k] = own.coordinate(value * relaxed / now)
+    return other
+
+
+def better_way(problem: Problem, fit: Fit) -> Fit:
+    """``fit``, or where the two stages are divided otherwise one that ends lower; of arms that do not swing."""
+    found = lag_of(fit.model, fit.x)
+    if found is None or not _is_damped(fit):
+        return fit
+    lag, own = found[1], relaxation(fit.model, fit.x)
+    best = fit
+    for now, relaxed in ((own, lag), *((share * (lag + own), (1.0 - share) * (lag + own)) for share in SHARES)):
+        x = divided(fit.model, fit.x, now, relaxed)
+        start = None if x is None else evaluate(problem, fit.model, x, fit.states, 1.0)
+        if start is None or not np.isfinite(start.cost):
+            continue
+        try:
+            other = improve(problem, start, iterations=20, tolerance=2e-3, renewals=5)
+        except ConvergenceError:
+            continue
+        best = min(best, other, key=lambda f: f.cost)
+    return best
+
+
+def _is_damped(fit: Fit) -> bool:
+    """Whether some section does not swing along its axis: (3 c)^2 > 4 (3 k) m, three bellows abreast."""
+    values = {c.path: c.value(float(v)) for c, v in zip(fit.model.plain, fit.x, strict=False)}
+    for section in range(1, fit.model.sections + 1):
+        own = {path: v for path, v in values.items() if path.startswith(f"section.{section}.")}
+        stiffness = [v for path, v in own.items() if paths.key_of(path) == "tangent_stiffness"]
+        damping, mass = own.get(f"section.{section}.damping", 0.0), own.get(f"section.{section}.mass", 0.0)
+        if stiffness and 3.0 * damping**2 > 4.0 * float(np.mean(stiffness)) * mass:
+            return True
+    return False
+
+
+def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Diagnosis:
+    """A diagnosis from commands with what they do not tell: the class as its headline, or a sentence.
+
+    Args:
+        found: the diagnosis.
+        arm: the diagnosed arm.
+        records: its logs.
+    """
+    slow = [e for e in found.effects if e.kind in SLOW and not e.where.startswith(("input ", "bellows ", "sensors"))]
+    if not found.has_names and found.verdict != "equivalent":
+        return found
+    lag, error = _lag(slow)
+    times = _without_swing(arm, records, lag, error)
+    if not times or all(time.told for time in times):
+        return found
+    if slow:
+        return _with_class(found, slow, times)
+    far = [name for name, e in found.plain.items() if name.endswith(" damping") and e.start and e.value > FAR * e.start]
+    if not far:
+        return found
+    text = (
+        f"{', '.join(far)} came out at more than {FAR:.0f} times the file's: {slow_in_words(_sections(times))}; "
+        f"commands alone do not tell which. What would: {EXPERIMENT}"
+    )
+    return found.model_copy(update={"setup": [*found.setup, text]})
+
+
+def _lag(effects: Sequence[Effect]) -> tuple[float, float]:
+    """Lag and delay of named effects together, s, and the relative standard error of the lag."""
+    total, error = 0.0, math.inf
+    for effect in effects:
+        n = effect.parameters
+        if effect.kind == LAG:
+            mean = 0.5 * (n["fill"].value + n["vent"].value)
+            total += mean
+            spans = [number.ci95 for number in (n["fill"], n["vent"])]
+            if all(spans) and mean > 0.0:
+                error = max(high - low for low, high in (span for span in spans if span)) / (2.0 * 1.96 * mean)
+        elif effect.kind == "delay":
+            total += n["time"].value
+    return total, error
+
+
+def _without_swing(arm: Arm, records: Sequence[Record], lag: float, error: float) -> tuple[CommonTime, ...]:
+    """The common times of an arm whose slowest motion does not swing; none of one that does."""
+    pressures = mean_pressures(records)
+    try:
+        q = arm.static_lengths(pressures)
+        state, _ = arm.linearize(q, 0.0 * q, pressures)
+    except BhaError:
+        return ()
+    modes = np.linalg.eigvals(state)
+    slowest = modes[np.argmin(np.abs(modes.real))]
+    return common_with(arm, pressures, lag, error) if abs(slowest.imag) < 1e-6 * abs(slowest) else ()
+
+
+def _sections(times: Sequence[CommonTime]) -> list[SlowSection]:
+    return [SlowSection(section=t.section, across=t.across, along=t.along) for t in times]
+
+
+def _with_class(found: Diagnosis, slow: Sequence[Effect], times: Sequence[CommonTime]) -> Diagnosis:
+    """The diagnosis with its slow effects as one class."""
+    first = slow[0]
+    longest = max(max(time.across, time.along) for time in times)
+    members = [Alternative(kind=e.kind, where=e.where, parameters=e.parameters) for e in slow[1:]]
+    if all(e.kind != LAG for e in slow):
+        own = Number(value=longest, unit="s", ci95=(0.0, longest))
+        members.insert(0, Alternative(kind=LAG, where="all", parameters={"fill": own, "vent": own}))
+    parameters = dict(first.parameters)
+    if first.kind == LAG:
+        # Anything up to the whole of the common time.
+        parameters = {
+            name: n.model_copy(update={"ci95": (0.0, max(longest, n.value, *(n.ci95 or ())))})
+            for name, n in first.parameters.items()
+        }
+    update = {
+        "parameters": parameters,
+        "one_of": [*members, *first.one_of],
+        "slow": _sections(times),
+        "experiment": EXPERIMENT,
+        "confidence": max(e.confidence for e in slow),
+    }
+    effects = [first.model_copy(update=update), *(e for e in found.effects if all(e is not s for s in slow))]
+    # The whole of the common time may be damping, too.
+    more = max(time.along / max(time.along - time.lag, 1e-3 * time.along) for time in times)
+    plain = {
+        name: e.model_copy(update={"ci95": (0.0, max(e.ci95[1], more * e.value))})
+        if name.endswith(" damping") and e.ci95
+        else e
+        for name, e in found.plain.items()
+    }
+    return found.model_copy(update={"verdict": "one_of", "effects": effects, "plain": plain})

@@ -1,0 +1,86 @@
+"""Lag of the pressures or damping, from commands: the lag where it is told, else the class with its common time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bha
+from bha.diagnosis import Diagnosis, headline
+from bha.diagnosis.model import plain_model
+from bha.diagnosis.slowness import divided, relaxation
+from bha.estimation.lags import common_with
+
+from .synthetic import one_section
+
+KINDS = ("pressure_lag", "bending_damping")
+STIFFNESS = 1300.0
+SAMPLE_TIME = 0.02
+
+
+def slow_arm(own: float) -> bha.Arm:
+    """An arm whose damping is so many seconds times its springs' stiffness."""
+    return one_section({"damping": own * STIFFNESS / one_section().parameters.sections[0].damping})
+
+
+def commanded_logs(arm: bha.Arm, lag: float) -> list[bha.Log]:
+    """Steps of commands, heads seen, the pressures lagging behind."""
+    logs = []
+    lagging = arm.with_effects([{"kind": "pressure_lag", "where": "all", "fill": lag, "vent": lag}])
+    for number in range(3):
+        rng = np.random.default_rng([7, number])
+        time = np.arange(round(12.0 / SAMPLE_TIME) + 1) * SAMPLE_TIME
+        edges = np.arange(0.0, 13.0, rng.uniform(1.2, 1.8))
+        levels = 101325.0 + rng.uniform(0.0, 4e4, (len(edges), 3))
+        levels[:2] = 101325.0 + 1e4
+        p = levels[np.searchsorted(edges, time, side="right") - 1]
+        run = bha.simulate(lagging, bha.Input(time, p), times=time)
+        heads = run.head_positions[:, 0] + 2e-4 * rng.standard_normal((len(time), 3))
+        columns: dict[str, Any] = {"t [s]": time} | {f"pc1{k + 1} [Pa]": p[:, k] for k in range(3)}
+        logs.append(bha.Log.from_arrays(columns | {f"{axis}1 [m]": heads[:, k] for k, axis in enumerate("xyz")}))
+    return logs
+
+
+def diagnosed(lag: float, own: float) -> Diagnosis:
+    logs = commanded_logs(slow_arm(own), lag)
+    # The file has 0.6 times the damping, which is half of what a plain model needs that takes the lag for damping.
+    return bha.diagnose(slow_arm(0.6 * own), logs[:2], logs[2:], kinds=KINDS, pressures="commanded")
+
+
+def test_a_lag_that_is_much_the_longer_one_is_named_although_the_plain_model_took_it_for_damping() -> None:
+    found = diagnosed(0.6, 0.2)
+    assert found.verdict == "named"
+    assert [(e.kind, e.where) for e in found.effects] == [("pressure_lag", "all")]
+    for number in found.effects[0].parameters.values():
+        assert number.value == pytest.approx(0.6, rel=0.05)
+    assert found.plain["section 1 damping"].value == pytest.approx(0.2 * STIFFNESS, rel=0.15)
+    # What the camera of the plain model says of the pose is not held against a model with another one.
+    assert found.gap.after < 1.15 * found.gap.noise
+
+
+def test_two_stages_alike_are_one_class_with_their_common_time_and_what_splits_it() -> None:
+    lag, own = 0.3, 0.3
+    found = diagnosed(lag, own)
+    assert found.verdict == "one_of"
+    effect = found.effects[0]
+    (times,) = effect.slow
+    p = np.full(3, 101325.0 + 2e4)
+    (true,) = common_with(slow_arm(own), p, lag)
+    assert times.across == pytest.approx(true.across, rel=0.1)
+    assert times.along == pytest.approx(true.along, rel=0.1)
+    assert headline(found).startswith("Lag of the pressures or damping (section 1: together ")
+    assert "log the pressures in the chambers" in effect.experiment
+    assert {"pressure_lag"} <= {effect.kind, *(other.kind for other in effect.one_of)}
+    assert found.next_experiment is None
+    # Neither of the two is told: an interval that excludes the true one would say that it is.
+    low, high = found.plain["section 1 damping"].ci95 or (np.nan, np.nan)
+    assert low <= own * STIFFNESS <= high
+
+
+def test_stages_are_divided_otherwise_at_the_same_common_time() -> None:
+    arm = slow_arm(0.2)
+    model = plain_model(arm)
+    assert relaxation(model, np.zeros(model.size)) == pytest.approx(0.2, rel=0.35)  # its springs stiffen
+    assert divided(model, np.zeros(model.size), 0.5, 0.1) is None
