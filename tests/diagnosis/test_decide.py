@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from bha.checkup.finding import Explanation, Finding
-from bha.diagnosis.decide import Decision, Thresholds, is_significant, tolerant, without_faults
+from bha.diagnosis.decide import (
+    Decision,
+    GapTest,
+    Thresholds,
+    _too_much_noise,
+    is_significant,
+    tolerant,
+    without_faults,
+)
 
 
 @pytest.mark.parametrize(
@@ -56,3 +64,10 @@ def test_what_does_not_matter_to_the_user_is_no_gap() -> None:
     assert not is_significant(9.0, 1.1, 0.499e-3 / noise, 9.0, limits)
     assert is_significant(9.0, 1.1, 0.501e-3 / noise, 9.0, limits)
     assert tolerant(Thresholds(), 0.0, noise) == Thresholds()
+
+
+@pytest.mark.parametrize(("mean_square", "said"), [(0.15, True), (0.8, False), (1.05, False)])
+def test_less_than_noise_should_make_is_said(mean_square: float, said: bool) -> None:
+    """Motion that passes for noise (10 Hz logs: 0.15) hides gaps of its size."""
+    gap = GapTest(mean_square, 1.0, 1.1, 0.9, False)
+    assert ("taken for too great" in _too_much_noise(gap, Thresholds())) is said

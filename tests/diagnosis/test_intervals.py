@@ -1,30 +1,72 @@
-"""Intervals: what the logs disagree about is in them."""
+"""Intervals: what is left in them, with its memory, and what the logs disagree about."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from bha.diagnosis.intervals import _between_logs
+from bha.diagnosis.intervals import _between_logs, coordinate_draws
+
+from .test_statistics import STEP, slow
+
+Array = NDArray[np.float64]
+
+
+def fitted(jacobians: list[Array], measured: list[Array], channels: int = 1) -> tuple[Any, Any]:
+    """A linear model at its minimum over some logs without initial states, and without a prior to speak of."""
+    jacobian, target = np.concatenate(jacobians), np.concatenate(measured)
+    ends = np.cumsum([0, *(len(y) for y in measured)])
+    best = np.linalg.lstsq(jacobian, target, rcond=None)[0]
+    residual = target - jacobian @ best
+    whiteners = [SimpleNamespace(kept=len(y) // channels, time=STEP * np.arange(len(y) // channels)) for y in measured]
+    problem = SimpleNamespace(
+        records=[None] * len(measured),
+        whiteners=whiteners,
+        rows=len(target),
+        slices=lambda: [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)],  # noqa: RUF007
+    )
+    coordinate = SimpleNamespace(prior_weight=1e-9, value=float, coordinate=float)
+    fit = SimpleNamespace(
+        x=best,
+        residual=residual,
+        squares=float(residual @ residual),
+        jacobian=jacobian,
+        state_jacobians=tuple(np.zeros((len(y), 1)) for y in measured),
+        trust=1.0,
+        model=SimpleNamespace(coordinates=[coordinate] * jacobian.shape[1]),
+    )
+    return problem, fit
 
 
 def test_logs_that_ask_for_different_numbers_widen_the_interval() -> None:
-    # Two logs of two blocks whose scores pull one coordinate by +6 and -6, in units of its curvature 3: each by itself
-    # would move it by 2. With one degree of freedom Student's 95 % is 12.706 standard errors of sqrt(2 * (2^2 + 2^2)).
-    table = np.array([[2.0], [4.0], [-3.0], [-3.0]])
-    found = _between_logs(table, [0, 2, 4], np.array([[3.0]]))
-    assert found[0] == pytest.approx(12.7062 / 1.95996 * np.sqrt(2 * (4.0 + 4.0)), rel=1e-4)
+    # Three logs that ask for 0, 3 and 6: without one of them 4.5, 3 and 1.5 for 3 with all. The jackknife's standard
+    # error is the root of 2/3 of 2 * 1.5^2, and with two degrees of freedom Student's 95 % is 4.303 of it.
+    problem, fit = fitted([np.ones((8, 1))] * 3, [np.full(8, v) for v in (0.0, 1.5, 3.0)])
+    found = _between_logs(problem, fit)
+    assert found[0] == pytest.approx(4.30265 / 1.95996 * np.sqrt(2.0 / 3.0 * 2.0 * 0.75**2), rel=1e-4)
 
 
 def test_logs_that_agree_add_nothing() -> None:
-    table = np.array([[2.0], [-2.0], [3.0], [-3.0]])
-    assert _between_logs(table, [0, 2, 4], np.array([[3.0]]))[0] == 0.0
+    problem, fit = fitted([np.ones((8, 1))] * 3, [np.tile([-1.0, 1.0], 4)] * 3)
+    assert _between_logs(problem, fit)[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_only_log_is_compared_in_thirds() -> None:
-    rng = np.random.default_rng(1)
-    table = rng.standard_normal((30, 2))
-    table -= table.mean(axis=0)
-    found = _between_logs(table, [0, 30], np.eye(2))
-    thirds = table.reshape(3, 10, 2).sum(axis=1)
-    np.testing.assert_allclose(found, 4.30265 / 1.95996 * np.sqrt(1.5 * np.sum(thirds**2, axis=0)), rtol=1e-4)
+@pytest.mark.parametrize("tau", [0.0, 0.5, 3.0])
+def test_intervals_hold_whatever_the_memory_of_what_is_left(tau: float) -> None:
+    """95 % or more, of 4 numbers in 30 residuals that all channels share."""
+    rng = np.random.default_rng(8)
+    rows, channels, held = 300, 6, []
+    for seed in range(30):
+        jacobians = [
+            np.column_stack([slow(rng, rows, 1.0, channels, False).ravel() for _ in range(4)]) for _ in range(3)
+        ]
+        true = rng.standard_normal(4)
+        measured = [j @ true + slow(rng, rows, tau, channels, True).ravel() for j in jacobians]
+        problem, fit = fitted(jacobians, measured, channels)
+        low, high = np.quantile(coordinate_draws(problem, fit, seed), [0.025, 0.975], axis=0)
+        held.append((fit.x + low <= true) & (true <= fit.x + high))
+    assert np.mean(held) >= 0.92

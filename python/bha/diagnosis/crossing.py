@@ -60,14 +60,19 @@ def groups(problem: Problem) -> list[Group]:
     return found
 
 
-def without_groups(problem: Problem, fit: Fit, left_out: Sequence[Group]) -> list[Array]:
-    """Coordinates that the fit has without each group, by its sensitivities."""
+def normal_matrix(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+    """Sensitivities beyond what initial states can do, and their normal matrix with the prior."""
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
     jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
     weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
     normal = jacobian.T @ jacobian + np.diag(weights)
-    normal += 1e-12 * np.trace(normal) / max(len(normal), 1) * np.eye(len(normal))
+    return jacobian, normal + 1e-12 * np.trace(normal) / max(len(normal), 1) * np.eye(len(normal))
+
+
+def without_groups(problem: Problem, fit: Fit, left_out: Sequence[Group]) -> list[Array]:
+    """Coordinates that the fit has without each group, by its sensitivities."""
+    jacobian, normal = normal_matrix(problem, fit)
     found = []
     for group in left_out:
         part = problem.slices()[group.log]

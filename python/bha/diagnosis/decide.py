@@ -152,6 +152,7 @@ def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, toler
             "equivalent",
             f"on the held-out logs the re-identified plain model errs by {gap.ratio:.2f} times what noise alone makes; "
             f"mean square of the white residual {gap.mean_square:.2f}, limit {gap.limit:.2f}"
+            + _too_much_noise(gap, limits)
             + (f"; up to {limits.material:.2f} times does not matter" if tolerance else ""),
             closure,
         )
@@ -177,6 +178,13 @@ def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, toler
         )
     rest = f"; what is left is {left:.0f} times the noise and not explained" if fine else ""
     return Decision("named", removed + rest, closure)
+
+
+def _too_much_noise(gap: GapTest, limits: Thresholds) -> str:
+    """Where the logs hold far less than the noise that is assumed, a gap may hide below it, and that is said."""
+    if gap.mean_square >= 1.0 / limits.material**2:
+        return ""
+    return ", which is less than noise alone should make: the noise is taken for too great, and hides gaps of its size"
 
 
 def without_faults(verdict: Decision, faults: Sequence[Finding]) -> Decision:

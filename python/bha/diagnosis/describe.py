@@ -16,7 +16,7 @@ from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import Decision, GapTest
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.holdout import Holdout, share_brought
-from bha.diagnosis.intervals import confidences, coordinate_draws
+from bha.diagnosis.intervals import confidences
 from bha.diagnosis.model import element_of, number_of
 from bha.diagnosis.places import nested
 from bha.diagnosis.refit import Trial, bic, correlation_length
@@ -43,6 +43,7 @@ def describe(
     where: dict[str, Any],
     final: Trial,
     uncertainty: Sequence[tuple[float, float]],
+    draws: Array,
     errors: tuple[float, float, float],
     seed: int,
     records: tuple[Sequence[Record], Sequence[Record]],
@@ -61,6 +62,7 @@ def describe(
         where: where the plain model errs.
         final: the model to describe, with its sensitivities.
         uncertainty: 95 % interval of each of its coordinates.
+        draws: of their changes, shape (draws, size).
         errors: RMS of noise, and of the held-out logs before and after, m.
         seed: of what is drawn.
         records: training and held-out logs.
@@ -76,7 +78,9 @@ def describe(
     alike = excitation.Likenesses((), np.empty((0, 0)))
     if state.screening is not None and best:
         alike = excitation.compare(state.screening, signatures, best)
-    effects = _effects(state, alike, final, uncertainty, problem, correlation, seed, best, errors[0]) if named else []
+    effects = (
+        _effects(state, alike, final, uncertainty, draws, problem, correlation, seed, best, errors[0]) if named else []
+    )
     confused = [e.kind for e in effects if e.one_of]
     confused += [other.kind for e in effects for other in e.one_of]
     values = {
@@ -177,6 +181,7 @@ def _effects(
     looks: excitation.Likenesses,
     final: Trial,
     uncertainty: Sequence[tuple[float, float]],
+    draws: Array,
     problem: Problem,
     correlation: float,
     seed: int,
@@ -184,7 +189,6 @@ def _effects(
     noise: float,
 ) -> list[Effect]:
     result = []
-    draws = coordinate_draws(problem, final.fit, seed)
     places: dict[tuple[str, str], list[int]] = {}
     for number, candidate in enumerate(final.candidates):
         places.setdefault(candidate.key, []).append(number)

@@ -1,74 +1,101 @@
-"""Intervals and confidence by resampling blocks of the residual, and by what the logs disagree about.
+"""Intervals and confidence from what is left: its memory, and what the logs disagree about.
 
-Source: block bootstrap (Kunsch 1989) of the score: with the sensitivities J and the white residual r, resampled blocks
-b move the estimate by H^-1 sum_b (w_b - 1) J_b^T r_b, H = J^T J + prior; refits are not needed. Real effects have other
-forms than the model's, and then every sort of motion asks for other numbers, consistently, which blocks of a second do
-not show. Logs differ in their motion: the cluster-robust variance H^-1 (sum_g s_g s_g^T) H^-1 G / (G - 1) with a whole
-log (or a third of the only one) as cluster g, s_g = J_g^T r_g, and Student's t with G - 1 degrees (Liang and Zeger
-1986; Cameron and Miller 2015) has that spread in it.
-Validity: the fit is at its minimum, and blocks are longer than the residual's correlation. What a wrong form does alike
-in all logs is not in the intervals.
+What: four answers to how far a number may be off. The widest of the first three counts, and the fourth is added to its
+square.
+
+1. The noise alone: H^-1, with the sensitivities J and H = J^T J + prior.
+2. A residual like the one that is left, drawn anew (:mod:`bha.diagnosis.memory`): H^-1 J^T S J H^-1, S its covariance
+   over time and channels. What a model lacks is slow, and errs in all channels together; blocks of a second would take
+   it for many independent errors.
+3. Logs left out in turn (:mod:`bha.diagnosis.crossing`): the variance of the jackknife with a whole log, or a long
+   block where logs are few, as cluster, and Student's t with one degree less than there are clusters. Where an effect
+   has another form than the arm's, every sort of motion asks for another number.
+4. What the catalogue could still add: where a candidate explains some of what is left, and chance is no good reason,
+   the number moves by so much with it in the model. What a wrong form does alike in all logs shows here, and only here.
+
+Source: sandwich covariance with a spectral estimate, Priestley 1981 and Newey and West 1987; the cluster jackknife CV3,
+of the cluster-robust estimates the one that holds with few clusters, MacKinnon, Nielsen and Webb 2023.
+Validity: the fit is at its minimum, and the catalogue has something like what the model lacks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from bha.diagnosis.crossing import FEWEST_BLOCKS, groups, normal_matrix, without_groups
 from bha.diagnosis.fit import Fit, Problem, project_states
+from bha.diagnosis.memory import draws_like
 from bha.diagnosis.refit import Trial, correlation_length
-from bha.diagnosis.where import block_edges
+from bha.diagnosis.screen import Signatures, score
+from bha.diagnosis.where import BLOCK_TIME, block_edges
 
 Array = NDArray[np.float64]
 
-REPEATS = 1000
+#: Draws of the residual, and of the coordinates.
+RESIDUALS, REPEATS = 400, 1000
+#: Candidates that may be what a model lacks: least share of what the best explains of the rest, and greatest
+#: probability that this is chance.
+RIVAL, CHANCE = 0.5, 0.2
 
 
-def coordinate_draws(problem: Problem, fit: Fit, seed: int) -> Array:
-    """Bootstrap changes of the coordinates, shape (REPEATS, size)."""
-    assert fit.jacobian is not None
-    assert fit.state_jacobians is not None
-    jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
-    weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
-    normal = jacobian.T @ jacobian + np.diag(weights)
-    normal += 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal))
-    scores: list[Array] = []
-    ends = [0]
-    for part, whitener in zip(problem.slices(), problem.whiteners, strict=True):
-        rows = jacobian[part].reshape(whitener.kept, -1, jacobian.shape[1])
-        rest = fit.residual[part].reshape(whitener.kept, -1)
-        scores += [np.einsum("tck,tc->k", rows[s], rest[s]) for s in block_edges(whitener.time)]
-        ends.append(len(scores))
-    table = np.array(scores)
+def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float = 0.0) -> Array:
+    """Draws of the change of the coordinates that the data leave open, shape (REPEATS, size).
+
+    ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`.
+    """
+    jacobian, normal = normal_matrix(problem, fit)
     rng = np.random.default_rng([seed, 13])
-    counts = rng.multinomial(len(table), np.full(len(table), 1.0 / len(table)), size=REPEATS)
-    draws = np.linalg.solve(normal, ((counts - 1.0) @ table).T).T
-    # Never narrower than the noise alone makes them.
-    least = np.sqrt(np.diag(np.linalg.inv(normal)) * max(1.0, fit.squares / problem.rows))
-    spread = np.std(draws, axis=0)
-    wanted = np.maximum(least, _between_logs(table, ends, normal))
-    return np.asarray(draws * np.maximum(1.0, wanted / np.maximum(spread, 1e-300)))
+    scores = jacobian.T @ draws_like(problem, fit.residual, RESIDUALS, rng)
+    moved = np.linalg.solve(normal, scores)
+    covariance = moved @ moved.T / RESIDUALS
+    noise = np.diag(np.linalg.inv(normal)) * max(1.0, fit.squares / problem.rows)
+    wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2))
+    spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    draws = rng.standard_normal((REPEATS, len(spread))) @ root.T
+    return np.asarray(draws * np.hypot(np.maximum(spread, wanted), form))
 
 
-def _between_logs(table: Array, ends: Sequence[int], normal: Array) -> Array:
+def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int) -> Array:
+    """How far each coordinate moves with one more candidate in the model, the farthest of those that may be there.
+
+    That is what explains at least ``RIVAL`` of what the best does, unless chance explains that as well.
+    """
+    screening = score(problem, fit, signatures, seed)
+    jacobian, normal = normal_matrix(problem, fit)
+    assert fit.state_jacobians is not None
+    found = np.zeros(fit.model.size)
+    if not screening.ranking or screening.chance(screening.ranking[0].score) > CHANCE:
+        return found
+    columns = dict(zip((id(c) for c in signatures.candidates), signatures.columns, strict=True))
+    for scored in screening.ranking:
+        if scored.score < RIVAL * screening.ranking[0].score:
+            break
+        own = columns[id(scored.candidate)]
+        change = sum(
+            strength * signatures.table[:, list(parts)].sum(axis=1, dtype=np.float64)
+            for strength, parts in zip(scored.strengths, own, strict=True)
+        )
+        white = project_states(problem, fit.state_jacobians, np.asarray(change)[:, None])[:, 0]
+        found = np.maximum(found, np.abs(np.linalg.solve(normal, jacobian.T @ white)))
+    return found
+
+
+def _between_logs(problem: Problem, fit: Fit) -> Array:
     """What the logs disagree about in each coordinate, as the standard deviation of a normal of the same 95 % width."""
-    edges = list(ends) if len(ends) > 2 else [round(k * len(table) / 3) for k in range(4)]
-    clusters = [table[a:b].sum(axis=0) for a, b in pairwise(edges) if b > a]
-    count = len(clusters)
-    if count < 2:
-        return np.zeros(table.shape[1])
-    moved = np.linalg.solve(normal, np.array(clusters).T)
+    moved = np.array(without_groups(problem, fit, groups(problem))) - fit.x
+    count = len(moved)
     wide = stats.t.ppf(0.975, count - 1) / stats.norm.ppf(0.975)
-    return np.asarray(wide * np.sqrt(np.sum(moved**2, axis=1) * count / (count - 1)))
+    return np.asarray(wide * np.sqrt(np.sum(moved**2, axis=0) * (count - 1) / count))
 
 
-def intervals(problem: Problem, fit: Fit, seed: int) -> list[tuple[float, float]]:
-    """95 % interval of every coordinate's value."""
-    draws = coordinate_draws(problem, fit, seed)
+def intervals(fit: Fit, draws: Array) -> list[tuple[float, float]]:
+    """95 % interval of every coordinate's value, from draws of their changes."""
     result = []
     for k, coordinate in enumerate(fit.model.coordinates):
         low, high = np.quantile(draws[:, k], [0.025, 0.975])
@@ -78,7 +105,10 @@ def intervals(problem: Problem, fit: Fit, seed: int) -> list[tuple[float, float]
 
 
 def confidences(problem: Problem, trials: Sequence[Trial], seed: int) -> Array:
-    """How often each trial is the best when training and held-out blocks are drawn again; shares that sum to one."""
+    """How often each trial is the best when training blocks are drawn again; shares that sum to one.
+
+    Blocks are as long as the residual remembers, but a few to a log: shorter ones would pass for independent evidence.
+    """
     if len(trials) == 1:
         return np.ones(1)
     correlation = correlation_length(problem, trials[0].fit.residual)
@@ -87,7 +117,9 @@ def confidences(problem: Problem, trials: Sequence[Trial], seed: int) -> Array:
         rows: list[float] = []
         for part, whitener in zip(problem.slices(), problem.whiteners, strict=True):
             rest = trial.fit.residual[part].reshape(whitener.kept, -1)
-            rows += [float(np.sum(rest[s] ** 2)) for s in block_edges(whitener.time)]
+            span, step = float(np.ptp(whitener.time)), float(whitener.time[1] - whitener.time[0])
+            block = min(max(BLOCK_TIME, correlation * step), span / FEWEST_BLOCKS)
+            rows += [float(np.sum(rest[s] ** 2)) for s in block_edges(whitener.time, block)]
         tables.append(rows)
     table = np.array(tables)
     rng = np.random.default_rng([seed, 17])

@@ -29,7 +29,7 @@ from bha.diagnosis.describe import describe
 from bha.diagnosis.engine import Engine
 from bha.diagnosis.fit import Problem, evaluate, with_sensitivities
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
-from bha.diagnosis.intervals import intervals
+from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals
 from bha.diagnosis.model import Model, plain_model
 from bha.diagnosis.noise import Whitener
 from bha.diagnosis.preparation import (
@@ -194,7 +194,9 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     say("intervals and report")
     final = state.best if verdict.verdict == "named" else state.plain
     fit = final.fit if final is state.plain else with_sensitivities(problem, final.fit)
-    uncertainty = intervals(problem, fit, seed)
+    form = form_deviation(problem, fit, signatures, seed) if verdict.verdict == "named" else 0.0
+    draws = coordinate_draws(problem, fit, seed, form)
+    uncertainty = intervals(fit, draws)
     diagnosis = describe(
         baseline,
         holdout,
@@ -205,6 +207,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         where,
         replace(final, fit=fit),
         uncertainty,
+        draws,
         (noise_rms, *errors),
         seed,
         (train, held),
