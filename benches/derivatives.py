@@ -17,6 +17,7 @@ import bha
 from bha.estimation.engine import Model
 from bha.estimation.free import default_free, resolve
 from bha.estimation.records import windows
+from bha.estimation.runs import Integration
 from bha.identification import record
 
 from .identify_recovery.logs import Condition, arm_of, synthetic_log
@@ -38,7 +39,7 @@ def main() -> None:
     pieces = windows([rec], arguments.window)
     rest = arm.static_lengths(rec.drive.pressures[0])
     states = np.tile(np.concatenate([rest, np.zeros_like(rest)]), (len(pieces), 1))
-    model = Model(arm.parameters, resolve(arm.parameters, free), (rec,), step=STEP, threads=1)
+    model = Model(arm.parameters, resolve(arm.parameters, free), (rec,), Integration(STEP, threads=1))
     zero = np.zeros(len(free))
     model.predict(zero, pieces[:1], states[:1])
     began, wall = time.process_time(), time.perf_counter()

@@ -13,9 +13,9 @@ from click.testing import CliRunner
 
 import bha
 from bha.cli import main
-from bha.diagnosis.engine import Engine
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.preparation import prepare
+from bha.estimation.runs import Integration
 from bha.identification import predict, record
 from bha.parameters import ArmParameters
 from bha.recordings import PressureSort
@@ -145,7 +145,7 @@ def test_diagnose(case: Case) -> None:
     state = np.concatenate(
         [recording.acting.static_lengths(rec.drive.pressures[0] + [0.0, 800.0, 0.0, 0.0]), np.zeros(3)]
     )
-    (outputs,) = Engine(2e-3, threads=1).run(model.runs(np.zeros(model.size), [rec], [state]))
+    (outputs,) = Integration(2e-3, threads=1).run(model.on([rec]).runs(np.zeros(model.size), [state]))
     error = np.sqrt(
         np.mean(np.where(rec.usable, rec.measured - outputs, 0.0) ** 2, axis=0) / np.mean(rec.usable, axis=0)
     )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +13,6 @@ from bha.diagnosis import screen
 from bha.diagnosis.candidate import Candidate, core_ranges
 from bha.diagnosis.catalogue import available
 from bha.diagnosis.describe import together
-from bha.diagnosis.fit import _within_bounds
-from bha.diagnosis.model import coordinate
 
 from .slip_arm import slip_logs
 from .synthetic import make_logs, one_section
@@ -93,22 +89,6 @@ def test_strengths_of_a_bank_are_the_best_that_are_not_negative() -> None:
         found = minimize(lambda s, a=a, b=b: float(np.sum((a @ s - b) ** 2)), np.ones(4), bounds=[(0.0, None)] * 4)
         np.testing.assert_allclose(strengths[:, 0], found.x, atol=1e-4)
         assert score[0] == pytest.approx(float(b @ b) - found.fun, abs=1e-6)
-
-
-def test_a_step_within_bounds_is_the_least_of_all_such_steps() -> None:
-    rng = np.random.default_rng(6)
-    names = [coordinate(f"c{k}", "effect.x", "", 0.0, 1.0, logarithmic=False, low=0.0, high=1.0) for k in range(4)]
-    for _ in range(5):
-        a, gradient = rng.standard_normal((12, 4)), 8.0 * rng.standard_normal(4)
-        matrix, x = a.T @ a, np.array([0.0, 1.0, 0.5, 0.2])
-        fit: Any = SimpleNamespace(x=x, model=SimpleNamespace(coordinates=names))
-        step = _within_bounds(matrix, gradient, fit)
-        found = minimize(
-            lambda s, m=matrix, g=gradient: float(0.5 * s @ m @ s - g @ s),
-            np.zeros(4),
-            bounds=list(zip(-x, 1.0 - x, strict=True)),
-        )
-        np.testing.assert_allclose(step, found.x, atol=1e-4)
 
 
 def test_elements_together_are_sums_and_means_of_logarithms() -> None:

@@ -10,10 +10,9 @@ import pytest
 
 import bha
 from bha.arm.geometry import camera_frame
-from bha.diagnosis.camera import with_camera
-from bha.diagnosis.engine import Engine
-from bha.diagnosis.model import of_camera, plain_model, runs_of
+from bha.diagnosis.model import of_camera, plain_model, sensors_at
 from bha.diagnosis.preparation import prepare
+from bha.estimation.runs import Integration
 from bha.parameters import ArmParameters
 from bha.parameters.sensors import SensorsParameters
 
@@ -69,34 +68,32 @@ def test_creep_behind_a_camera_elsewhere_is_named() -> None:
 
 def test_published_frames_stay_and_lengths_have_none() -> None:
     arm = one_section()
-    assert [c.name for c in with_camera(plain_model(arm), arm).plain[-6:]] == [
+    assert [c.name for c in plain_model(arm, camera=True).plain[-6:]] == [
         f"{key} {axis}" for key in ("camera_position", "camera_rotation") for axis in "xyz"
     ]
     known = {"camera_position": [0.1, 0.0, 0.0], "provenance": {"camera_position": "published"}}
     mapping = arm.parameters.to_mapping() | {"sensors": known}
     fixed = bha.Arm(ArmParameters.from_mapping(mapping))
-    model = with_camera(plain_model(fixed), fixed)
+    model = plain_model(fixed, camera=True)
     assert [c.name for c in model.plain if of_camera(c)] == [f"camera_rotation {axis}" for axis in "xyz"]
-    camera = model.camera(np.zeros(model.size))
-    assert camera is not None
-    assert np.array_equal(camera.position, [0.1, 0.0, 0.0])
-    assert plain_model(arm).camera(np.zeros(plain_model(arm).size)) is None
+    seen = sensors_at(model, np.zeros(model.size))
+    assert seen is not None
+    assert np.array_equal(seen.camera_position, [0.1, 0.0, 0.0])
+    assert sensors_at(plain_model(arm), np.zeros(plain_model(arm).size)) is None
 
 
 def test_a_run_is_seen_by_its_own_camera() -> None:
     arm, log = one_section(), seen_by_another_camera([])[0]
     record = prepare(bha.Recording(arm, log))
-    model = with_camera(plain_model(arm), arm)
-    x = np.zeros(model.size)
-    core, state = model.arm(x), np.concatenate([arm.static_lengths(record.drive.pressures[0]), np.zeros(3)])
+    model = plain_model(arm, camera=True)
+    model = model.on([record])
+    still, x = np.zeros(model.size), np.zeros(model.size)
+    state = np.concatenate([arm.static_lengths(record.drive.pressures[0]), np.zeros(3)])
     x[-6:] = [1.0, -0.5, 0.2, 0.3, 0.1, -0.4]
-    assert model.arm(x) is core
-    runs = [
-        runs_of(core, [record], [state + d], camera)[0]
-        for d, camera in ((0.0, None), (0.0, model.camera(x)), (1e-3, None))
-    ]
-    plain, seen, other = Engine(5e-3, threads=1).run(runs)
-    camera = model.camera(x)
-    assert camera is not None
-    assert np.allclose(seen, camera.positions(plain), rtol=0.0, atol=1e-15)
+    assert model.shown(x, 0)[0] is model.shown(still, 0)[0]
+    runs = [model.runs(z, [state + d])[0] for z, d in ((still, 0.0), (x, 0.0), (still, 1e-3))]
+    plain, seen, other = Integration(5e-3, threads=1).run(runs)
+    sensors = sensors_at(model, x)
+    assert sensors is not None
+    assert np.allclose(seen, camera_frame(sensors).positions(plain), rtol=0.0, atol=1e-15)
     assert not np.array_equal(other, plain)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from bha.arm.variants import arm_of
-from bha.diagnosis.engine import Engine
-from bha.diagnosis.model import is_damping, plain_model, runs_of
+from bha.diagnosis.baseline import STEP_SHARES
+from bha.diagnosis.model import is_damping, plain_model
 from bha.diagnosis.preparation import prepare
-from bha.diagnosis.steps import resolved
-from bha.estimation.runs import Run
+from bha.estimation.integration import resolved
+from bha.estimation.runs import Integration, Run
 from bha.recordings import Recording
 
 from .synthetic import make_logs, one_section
@@ -27,21 +27,22 @@ def stiff_run() -> Run:
         "effect": [{"kind": "quadratic_damping", "where": "all", "parameters": {"damping": 300.0}}]
     }
     state = np.concatenate([record.measured[0], np.zeros(3)])
-    (run,) = runs_of(arm_of(core), [record], [state])
-    return run
+    (run,) = plain_model(ARM).on([record]).runs(np.zeros(plain_model(ARM).size), [state])
+    return replace(run, arm=arm_of(core))
 
 
 def test_runs_that_the_step_cannot_hold_are_repeated_with_a_finer_one() -> None:
     stiff = stiff_run()
     plain = replace(stiff, arm=ARM)
     step = 0.005
-    together = Engine(step, 1).run([plain, stiff])
+    engine = Integration(step, threads=1, shares=STEP_SHARES)
+    together = engine.run([plain, stiff])
     assert all(np.all(np.isfinite(y)) for y in together)
     # Both of the log at the finer step, so that differences between them have no error of the step in them.
-    finer = Engine(step / 2, 1).run([plain, stiff])
+    finer = replace(engine, step=step / 2).run([plain, stiff])
     for a, b in zip(together, finer, strict=True):
         np.testing.assert_array_equal(a, b)
-    assert not np.array_equal(Engine(step, 1).run([plain])[0], finer[0])
+    assert not np.array_equal(engine.run([plain])[0], finer[0])
 
 
 def test_parameters_without_a_model_give_nan_and_leave_the_others_alone() -> None:
@@ -49,8 +50,9 @@ def test_parameters_without_a_model_give_nan_and_leave_the_others_alone() -> Non
     model = plain_model(ARM)
     mass = next(k for k, c in enumerate(model.plain) if c.path == "section.1.mass")
     plain = tuple(replace(c, logarithmic=False, scale=-1.0) if k == mass else c for k, c in enumerate(model.plain))
-    (negative,) = replace(model, plain=plain).runs(np.eye(model.size)[mass], [stiff.record], [stiff.state])
-    found, wrong = Engine(0.0025, 1).run([stiff, negative])
+    model = replace(model, plain=plain).on([stiff.record])
+    (negative,) = model.runs(np.eye(model.size)[mass], [stiff.state])
+    found, wrong = Integration(0.0025, threads=1, shares=STEP_SHARES).run([stiff, negative])
     assert np.all(np.isfinite(found))
     assert np.all(np.isnan(wrong))
 
@@ -58,14 +60,15 @@ def test_parameters_without_a_model_give_nan_and_leave_the_others_alone() -> Non
 def test_a_model_stiffer_than_the_file_asks_for_finer_steps() -> None:
     stiff = stiff_run()
     record = stiff.record
-    model, engine = plain_model(ARM), Engine(0.005, 1, coarse=0.01)
+    engine = Integration(0.005, threads=1, coarse=0.01, shares=STEP_SHARES)
+    model = replace(plain_model(ARM).on([record]), integration=engine)
     x = np.array([np.log(15.0) / c.scale if is_damping(c) else 0.0 for c in model.coordinates])
-    runs = model.runs(x, [record], [stiff.state])
+    runs = model.runs(x, [stiff.state])
     # Repeated until they stay finite, its runs would not show that the step is too long.
     assert np.all(np.isfinite(engine.run(runs)[0]))
     assert not np.all(np.isfinite(engine.once().run(runs)[0]))
-    found = resolved(engine, [record], model, x, [stiff.state], 1.0)
+    found = resolved(model, x, [stiff.state], 1.0).integration
     assert found.finer > 1
-    assert np.all(np.isfinite(engine.once().run(runs, finer=found.finer)[0]))
-    assert np.all(np.isfinite(engine.run(runs, coarse=True, finer=found.finer)[0]))
-    assert resolved(engine, [record], model, np.zeros(model.size), [stiff.state], 1.0).finer == 1
+    assert np.all(np.isfinite(found.once().run(runs)[0]))
+    assert np.all(np.isfinite(found.run(runs, coarse=True)[0]))
+    assert resolved(model, np.zeros(model.size), [stiff.state], 1.0).integration.finer == 1

@@ -27,6 +27,7 @@ def fitted(jacobians: list[Array], measured: list[Array], channels: int = 1) -> 
         records=[None] * len(measured),
         whiteners=whiteners,
         rows=len(target),
+        state_precision=np.ones(1),
         slices=lambda: [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)],  # noqa: RUF007
     )
     coordinate = SimpleNamespace(prior_weight=1e-9, value=float, coordinate=float)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bha.diagnosis import model, preparation, smoothing
+from bha.estimation import derived
 
 from .synthetic import one_section, record_of
 
@@ -49,9 +50,9 @@ def test_one_tangent_stiffness_changes_and_the_others_stay() -> None:
     number = [c.name for c in plain.coordinates].index("section 1 tangent stiffness at +80 mm")
     x = np.zeros(plain.size)
     x[number] = 1.0
-    elongations = model.stiffness_elongations(plain.core["section"][0])
+    elongations = derived.stiffness_elongations(plain.core["section"][0])
     before, after = (plain.description(v)["section"][0]["bellows"][0]["stiffness"] for v in (np.zeros(plain.size), x))
-    changed = [model.tangent_stiffness(after, e) / model.tangent_stiffness(before, e) for e in elongations]
+    changed = [derived.tangent_stiffness(after, e) / derived.tangent_stiffness(before, e) for e in elongations]
     expected = np.ones(4)
     expected[elongations.index(min(elongations, key=lambda e: abs(e - 0.08)))] = np.exp(0.3)
     np.testing.assert_allclose(changed, expected, rtol=1e-9)

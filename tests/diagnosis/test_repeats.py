@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bha.diagnosis.noise import Whitener, noise_model
 from bha.diagnosis.repeats import repeats, with_repeat_noise
+from bha.estimation.bands import Whitener, noise_model
 from bha.estimation.records import Record
 
 from .synthetic import record_of

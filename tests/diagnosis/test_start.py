@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import bha
-from bha.diagnosis.baseline import windows
+from bha.diagnosis.baseline import pieces
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.noise import Whitener, noise_model
 from bha.diagnosis.preparation import from_rest, prepare
-from bha.diagnosis.start import first_state, pose, tells_state
+from bha.estimation.bands import Whitener, noise_model
+from bha.estimation.initial import pose, tells_state
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters
 from bha.recordings import ChannelFacts, Recording
@@ -36,20 +36,20 @@ def test_heads_alone_tell_lengths_and_rates_anywhere_in_a_log() -> None:
     run = bha.simulate(arm, bha.Input(TIME, p), options=bha.Options(method="rk4", step=2.5e-3))
     columns = {"t [s]": TIME} | {f"{name} [Pa]": p[:, k] for k, name in enumerate(arm.inputs)} | heads_of(run)
     record = prepare(Recording(arm, bha.Log.from_arrays(columns)))
-    model = plain_model(arm)
-    core = model.arm(np.zeros(model.size))
     for row in (0, 74, 180, 320):
-        found = pose(core, record.observation, run.head_positions[row].ravel(), 3)
-        assert found == pytest.approx(run.lengths[row], abs=1e-8)
-    pieces = windows([record], 3)
-    assert pieces is not None
-    assert len(pieces) == 4
+        seen = run.head_positions[row].ravel()
+        found = pose(arm, arm.parameters, record.observation, seen, np.full(9, 1e-5), p[row])
+        # The pose that pressures hold draws by a ten-thousandth of the distance to it.
+        assert found == pytest.approx(run.lengths[row], abs=1e-6)
+    parts = pieces([record], 3)
+    assert parts is not None
+    assert len(parts) == 4
+    model = plain_model(arm).on([record])
+    states = model.guesses(np.zeros(model.size), parts)
     # The first one begins with a jump of the acceleration.
-    for piece in pieces[1:]:
-        row = int(np.searchsorted(TIME, piece.time[0] - 1e-9))
-        state = first_state(core, piece, 3)
-        assert state[:9] == pytest.approx(run.lengths[row], abs=3e-4)
-        assert state[9:] == pytest.approx(run.velocities[row], abs=0.2 * np.abs(run.velocities).max())
+    for part, state in zip(parts[1:], states[1:], strict=True):
+        assert state[:9] == pytest.approx(run.lengths[part.first], abs=3e-4)
+        assert state[9:] == pytest.approx(run.velocities[part.first], abs=0.2 * np.abs(run.velocities).max())
 
 
 def test_rare_rows_make_long_pieces_and_dropouts_none() -> None:
@@ -58,21 +58,15 @@ def test_rare_rows_make_long_pieces_and_dropouts_none() -> None:
     time = np.delete(time, np.s_[60:84])
     noise = 1e-3 * rng.standard_normal((len(time), 3))
     measured = record_of(time, 0.15 + noise, np.full((len(time), 3), 1.2e5), 1e-3)
-    pieces = windows([measured], 1)
-    assert pieces is not None
-    assert min(len(piece.rows) for piece in pieces) >= 8
-    assert sum(len(piece.rows) for piece in pieces) > 0.9 * len(time)
+    parts = pieces([measured], 1)
+    assert parts is not None
+    assert min(part.last - part.first for part in parts) >= 8
+    assert sum(part.last - part.first for part in parts) > 0.9 * len(time)
     # A piece that is shorter than the least band has as many white rows as rows.
     short = replace(measured, rows=measured.rows[:5], measured=measured.measured[:5], usable=measured.usable[:5])
     white = Whitener(short, noise_model([measured], [[]]))
     assert white(short.measured).shape == (5, 3)
     assert len(white.time) == 5
-
-
-def test_heads_out_of_reach_have_no_pose() -> None:
-    model = plain_model(one_section())
-    core = model.arm(np.zeros(model.size))
-    assert pose(core, observation("x1", "y1", "z1"), np.array([0.0, 0.0, -0.5]), 1) is None
 
 
 def test_channels_tell_the_state_only_if_every_section_was_measured() -> None:

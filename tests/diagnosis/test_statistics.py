@@ -77,6 +77,7 @@ def screened(rng: np.random.Generator, tau: float, share: float, seed: int) -> A
     problem: Any = SimpleNamespace(
         whiteners=[SimpleNamespace(kept=rows, time=time)] * logs,
         slices=lambda: [slice(k * size, (k + 1) * size) for k in range(logs)],
+        state_precision=np.ones(1),
     )
     fit: Any = SimpleNamespace(
         residual=residual,
@@ -126,6 +127,7 @@ def linear(rng: np.random.Generator, lengths: tuple[int, ...]) -> tuple[Any, Any
         records=[None] * len(lengths),
         whiteners=whiteners,
         slices=lambda: [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)],
+        state_precision=np.ones(1),
     )
     coordinate = SimpleNamespace(prior_weight=1.0, value=float, coordinate=float)
     fit = SimpleNamespace(

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import bha
-from bha.diagnosis.steady import start_scatter, steady_noise, still
 from bha.estimation.records import Record
+from bha.estimation.steady import start_scatter, steady_noise, still
 
 from .synthetic import one_section, record_of, run_of
 from .test_heads import OFF

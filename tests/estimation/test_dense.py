@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from bha.estimation.dense import minimize
+from bha.estimation.steps import bounded_step
 
 WIDE = np.array([[-np.inf, np.inf]] * 2)
 
@@ -36,3 +38,16 @@ def test_huber_takes_the_median_of_what_lies_far() -> None:
     found = minimize(lambda z: z - data, lambda _z, _r: one, np.zeros(1), WIDE[:1], huber=0.2, tolerance=1e-10)
     # The mean of the near ones with the far one pulling by its constant: 4 z - 0.05 - 0.2 = 0.
     assert found.z[0] == pytest.approx(0.0625, abs=1e-4)
+
+
+def test_a_step_within_bounds_is_the_least_of_all_such_steps() -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(5):
+        a, gradient = rng.standard_normal((12, 4)), 8.0 * rng.standard_normal(4)
+        matrix, x = a.T @ a, np.array([0.0, 1.0, 0.5, 0.2])
+        found = optimize.minimize(
+            lambda s, m=matrix, g=gradient: float(0.5 * s @ m @ s - g @ s),
+            np.zeros(4),
+            bounds=list(zip(-x, 1.0 - x, strict=True)),
+        )
+        np.testing.assert_allclose(bounded_step(matrix, gradient, -x, 1.0 - x), found.x, atol=1e-4)

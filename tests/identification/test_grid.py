@@ -9,6 +9,7 @@ import bha
 from bha.estimation.engine import Model
 from bha.estimation.grid import averaged, grid_of
 from bha.estimation.records import Window
+from bha.estimation.runs import Integration
 from bha.identification import record
 
 from .identify_logs import measured, multisine, one_section
@@ -56,7 +57,7 @@ def test_predictions_agree_with_a_simulation_that_stops_at_every_row() -> None:
     rec = record(arm, measured(arm, drive, heads=True, pressure_noise=0.0))
     x0 = np.concatenate([arm.static_lengths(drive.pressures[0]), np.zeros(3)])
     window = Window(0, 0, len(rec))
-    (found,) = Model(arm.parameters, (), (rec,), step=5e-3).predict(np.zeros(0), [window], x0[None])
+    (found,) = Model(arm.parameters, (), (rec,), Integration(5e-3)).predict(np.zeros(0), [window], x0[None])
     run = bha.simulate(arm, drive, times=drive.time)
     expected = np.hstack([run.lengths, run.head_positions[:, 0]])
     # Pressures have kinks within steps; the rest is a thirtieth of a draw wire's noise at its worst.

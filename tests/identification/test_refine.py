@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bha
-from bha.estimation.solver import Problem
+from bha.estimation.problem import Problem
 from bha.identification import FreeParameter, Settings, default_free, identification, record, refine
 from bha.parameters import paths
 

@@ -13,11 +13,11 @@ from bha.identification.result import HeldOut, Identification
 def show(result: Identification) -> None:
     """Print a result."""
     out = console()
-    outcome = result.refinement.outcome
+    outcome, integration = result.refinement.outcome, result.refinement.problem.model.integration
     state = "INTERRUPTED" if outcome.interrupted else "converged" if outcome.converged else "NOT CONVERGED"
     say(
         f"{state} after {outcome.iterations} steps in {result.refinement.seconds:.1f} s ({outcome.message}); "
-        f"{result.refinement.problem.model.method} with {1e3 * result.refinement.problem.model.step:g} ms"
+        f"{integration.method} with {1e3 * integration.step:g} ms"
     )
     estimates = table("parameter", "unit", "start", "estimate", "std. error", "95 % interval", "", running=[""])
     for e in result.estimates:

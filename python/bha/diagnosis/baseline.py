@@ -8,10 +8,8 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,45 +17,47 @@ from scipy.fft import dct
 from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.engine import Engine
-from bha.diagnosis.fit import Fit, Problem, evaluate, improve, weighted, with_sensitivities
-from bha.diagnosis.model import DAMPING_SPREAD, Model, is_damping, of_camera, runs_of
-from bha.diagnosis.noise import (
+from bha.diagnosis.fit import Fit, Problem, evaluate, improve, problem_of, weighted, whole_logs, with_sensitivities
+from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera
+from bha.diagnosis.preparation import cut_to, thin
+from bha.diagnosis.smoothing import filtered
+from bha.errors import ConvergenceError, InputError
+from bha.estimation.bands import (
     QUIET_FREQUENCY,
     TOP_FREQUENCY,
     NoiseModel,
     SensorNoise,
-    Whitener,
     frequencies,
     noise_model,
     sensor_noise,
 )
-from bha.diagnosis.preparation import cut_to, thin
-from bha.diagnosis.smoothing import filtered
-from bha.diagnosis.start import first_state, tells_state
-from bha.diagnosis.steady import steady_noise
-from bha.diagnosis.steps import (
+from bha.estimation.engine import Model, root_mean_square
+from bha.estimation.initial import tells_state
+from bha.estimation.integration import (
     COARSE_ERROR_SHARE,
     COARSE_MISFIT_SHARE,
     FAR_OFF,
     MISFIT_SHARE,
     STEP_ERROR_SHARE,
+    by,
     checked_rows,
     noise_of,
-    root_mean_square,
 )
-from bha.errors import ConvergenceError
-from bha.estimation.records import Record
+from bha.estimation.records import Record, Window, windows
+from bha.estimation.runs import Integration
+from bha.estimation.steady import steady_noise
+from bha.runs.options import Method
 
 Array = NDArray[np.float64]
 
-Method = Literal["rk4", "ros2"]
 #: Methods of integration, the cheaper first.
 METHODS: tuple[Method, ...] = ("rk4", "ros2")
 #: Length of the pieces of the first fit, s.
 WINDOW_TIME = 0.8
-#: Rows of a piece: wanted where rows are far apart, and the fewest of a piece that counts (a dropout leaves fewer).
-WINDOW_ROWS, FEWEST_WINDOW_ROWS = 12, 8
+#: Rows of a piece, where rows are far apart.
+WINDOW_ROWS = 12
+#: Shares of the step that are tried in turn where a run diverges.
+STEP_SHARES = (1.0, 0.5, 0.25)
 #: Factors on the file's damping from which the plain model of a stiff arm is fitted, and how far off it plausibly is:
 #: one standard deviation of its logarithm.
 STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
@@ -65,6 +65,8 @@ STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
 CAMERA_MISFIT = 2.0
 #: Draws of pressure noise per log for the noise model.
 DRAWS = 3
+#: Greatest step of a plain parameter, in plausible distances: a file may be far off.
+FAR = 3.0
 
 
 @dataclass(frozen=True)
@@ -91,12 +93,16 @@ class Prepared:
     method: Method = "rk4"
     errors: tuple[tuple[float, float], ...] = ()
 
+    def integration(self, threads: int | None) -> Integration:
+        """How runs are integrated; what diverges is repeated with finer steps."""
+        return Integration(self.step, self.method, threads, self.coarse, shares=STEP_SHARES)
+
     def longest_step(self, error: float) -> float:
         """The longest step with at most that error, s; ``step`` if there is none."""
         return max((step for step, found in self.errors if found <= error), default=self.step)
 
 
-def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[float, Method], Engine]) -> Prepared:
+def prepare_runs(model: Model, records: Sequence[Record]) -> Prepared:
     """Choose the coarsest step whose error stays below the noise, thin the logs accordingly, guess initial states.
 
     The error of a step is the RMS difference to half of it on the first seconds of every log, measured, not assumed.
@@ -105,30 +111,30 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
         ConvergenceError: the nominal arm diverges at every step tried.
     """
     nominal = np.zeros(model.size)
-    arm = model.arm(nominal)
     sample = min(r.sample_time for r in records)
     # Rows may be thinned as long as the band that counts stays below their Nyquist frequency.
     factor = max([1, *(f for f in (2, 3, 4) if f * sample <= 0.4 / TOP_FREQUENCY)])
     thinned = tuple(thin(r, factor) for r in records)
-    states = tuple(first_state(arm, r, model.sections) for r in thinned)
-    runs = runs_of(arm, thinned, states, rows=[checked_rows(r) for r in thinned])
+    model = model.on(thinned)
+    states = tuple(model.guesses(nominal, _whole(thinned)))
+    runs = model.runs(nominal, states, [checked_rows(r) for r in thinned])
     noise = noise_of(records)
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
     errors: dict[Method, list[tuple[float, float]]] = {method: [] for method in METHODS}
     for step in steps:
         # The implicit method costs more a step; arms whose damping outweighs their inertia are stiff and need it.
         for method in METHODS:
-            fine, finer = engine(step, method).run(runs), engine(step / 2.0, method).run(runs)
-            error = root_mean_square(fine, finer)
+            tried = [by(model, method=method, step=step / k).integration.once() for k in (1.0, 2.0)]
+            error = root_mean_square(*(integration.run(runs) for integration in tried))
             if not np.isfinite(error):
                 continue
             errors[method].append((step, error))
-            near = error <= COARSE_ERROR_SHARE * noise
+            close = error <= COARSE_ERROR_SHARE * noise
             if error <= STEP_ERROR_SHARE * noise or (step == steps[-1] and method == "rk4"):
                 full = tuple(cut_to(r, t) for r, t in zip(records, thinned, strict=True))
                 found = Prepared(thinned, full, states, step, step, error, method, tuple(errors[method]))
                 return replace(found, coarse=found.longest_step(COARSE_ERROR_SHARE * noise))
-            if method == "rk4" and near:
+            if method == "rk4" and close:
                 # Not stiff, only not exact enough: smaller steps of the cheap method do.
                 break
     raise ConvergenceError(
@@ -137,7 +143,11 @@ def prepare_runs(model: Model, records: Sequence[Record], engine: Callable[[floa
     )
 
 
-def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | None:
+def _whole(records: Sequence[Record]) -> list[Window]:
+    return [Window(k, 0, len(record)) for k, record in enumerate(records)]
+
+
+def pieces(records: Sequence[Record], sections: int) -> list[Window] | None:
     """The logs in pieces of ``WINDOW_TIME``; None where pieces have no start: neither lengths nor heads were measured.
 
     Open loop over a whole log, an arm that is off by 15 per cent may run away, and so may every step of a fit from
@@ -145,22 +155,17 @@ def windows(records: Sequence[Record], sections: int) -> tuple[Record, ...] | No
     """
     if not tells_state(records[0].observation, sections):
         return None
-    pieces = []
-    for record in records:
-        start, end = float(record.time[0]), float(record.time[-1])
-        length = max(WINDOW_TIME, WINDOW_ROWS * record.sample_time)
-        edges = np.linspace(start, end, max(1, round((end - start) / length)) + 1)
-        counts = np.histogram(record.time, edges)[0]
-        enough = [pair for pair, n in zip(pairwise(edges), counts, strict=True) if n >= FEWEST_WINDOW_ROWS]
-        pieces += [record.between(float(a), float(b)) for a, b in enough]
-    return tuple(pieces) or None
+    try:
+        return windows(records, max(WINDOW_TIME, *(WINDOW_ROWS * record.sample_time for record in records)))
+    except InputError:
+        return None
 
 
 def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]]:
     """What draws of pressure noise do to the outputs of each log."""
     rng = np.random.default_rng([seed, 71])
     records, runs = problem.records, []
-    for run in fit.model.runs(fit.x, problem.records, fit.states):
+    for run in fit.model.on(problem.records).runs(fit.x, fit.states):
         record = run.record
         if not record.has_unsure_pressures:
             continue
@@ -169,7 +174,7 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
             if record.pressure_taps is not None:
                 noise = filtered(noise, record.pressure_taps)
             runs.append(replace(run, drive=record.driven_by(record.drive.pressures + noise)))
-    outputs = iter(problem.engine.run(runs, finer=fit.model.finer))
+    outputs = iter(fit.model.integration.run(runs))
     result: list[list[Array]] = []
     for record, y in zip(records, fit.outputs, strict=True):
         draws: list[Array] = []
@@ -259,23 +264,18 @@ class Baseline:
     shaken: float = 0.0
 
 
-def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel, engine: Engine) -> tuple[Array, list[Array]]:
+def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel) -> tuple[Array, list[Array]]:
     """Plain parameters by multiple shooting, and guesses of the logs' initial states."""
-    records, x = prepared.records, np.zeros(model.size)
-    arm = model.arm(x)
-    pieces = windows(records, model.sections)
-    parts = pieces or records
-    begin = prepared.states if pieces is None else [first_state(arm, r, model.sections) for r in pieces]
-    problem = Problem(parts, tuple(Whitener(r, rough) for r in parts), engine)
-    fit = improve(problem, evaluate(problem, model, x, begin), iterations=20, tolerance=0.02, renewals=5)
-    if pieces is None:
+    x, whole = np.zeros(model.size), _whole(prepared.records)
+    parts = pieces(prepared.records, model.sections)
+    states = list(prepared.states if parts is None else model.guesses(x, parts))
+    problem = problem_of(model, parts or whole, rough, np.stack(states))
+    fit = improve(problem, evaluate(problem, model, x, states), iterations=20, tolerance=0.02, renewals=5, limit=FAR)
+    if parts is None:
         return fit.x, list(fit.states)
-    camera = model.camera(fit.x)
-    if camera is None:
-        return fit.x, list(prepared.states)
     # Heads tell another pose by another camera.
-    arm = model.arm(fit.x)
-    return fit.x, [first_state(arm, r.seen_by(camera), model.sections) for r in records]
+    seen = any(of_camera(c) for c in model.plain)
+    return fit.x, list(model.guesses(fit.x, whole) if seen else prepared.states)
 
 
 def _with_file_camera(
@@ -287,8 +287,8 @@ def _with_file_camera(
     """
     fits = _some_steps(problem, model, *free)
     if not fits or problem.misfit(fits[0]) > CAMERA_MISFIT:
-        still = replace(model, plain=tuple(c for c in model.plain if not of_camera(c)), sensors=None)
-        x, states = _pieces_fit(still, prepared, rough, problem.engine)
+        still = replace(model, plain=tuple(c for c in model.plain if not of_camera(c)))
+        x, states = _pieces_fit(still, prepared, rough)
         fits += _some_steps(problem, model, np.concatenate([x, np.zeros(model.size - still.size)]), states)
     best = min(fits, key=lambda fit: fit.cost, default=None)
     return free if best is None else (best.x, list(best.states))
@@ -297,7 +297,9 @@ def _with_file_camera(
 def _some_steps(problem: Problem, model: Model, x: Array, states: list[Array]) -> list[Fit]:
     """A fit that has gone on a little from a start; none where that diverges."""
     fit = evaluate(problem, model, x, states)
-    return [improve(problem, fit, iterations=10, tolerance=0.01, renewals=3)] if np.isfinite(fit.cost) else []
+    if not np.isfinite(fit.cost):
+        return []
+    return [improve(problem, fit, iterations=10, tolerance=0.01, renewals=3, limit=FAR)]
 
 
 def with_wide_damping(model: Model) -> Model:
@@ -321,39 +323,35 @@ def _damped_fit(model: Model, prepared: Prepared, problem: Problem) -> tuple[Arr
     tells, and files are off by orders of magnitude; a weak one hides in what the springs make up for.
     """
     nominal = evaluate(problem, model, np.zeros(model.size), prepared.states)
-    quick = replace(problem, engine=_engine_for(problem.engine, prepared, nominal, problem))
+    quick = _integrated_for(model, prepared, nominal, problem)
     fits = []
     for factor in STIFF_DAMPINGS:
         x = with_damping(model, np.zeros(model.size), factor)
-        fit = evaluate(quick, model, x, prepared.states)
+        fit = evaluate(problem, quick, x, prepared.states)
         if np.isfinite(fit.cost):
-            fits.append(improve(quick, fit, iterations=40, tolerance=1e-3, renewals=12))
+            fits.append(improve(problem, fit, iterations=40, tolerance=1e-3, renewals=12, limit=FAR))
     if not fits:
         raise ConvergenceError("the simulation diverges at the start of the fit; is the arm's file that of the logs?")
     best = min(fits, key=lambda fit: fit.cost)
     return best.x, list(best.states)
 
 
-def _engine_for(engine: Engine, prepared: Prepared, fit: Fit, problem: Problem) -> Engine:
-    """The engine, with a longer step where the plain model is off by so much more than noise that a share is enough."""
-    if not FAR_OFF < problem.misfit(fit) < np.inf:
-        return engine
-    misfit = problem.misfit(fit) * noise_of(prepared.records)
-    step = prepared.longest_step(MISFIT_SHARE * misfit)
-    return engine.with_step(step, prepared.longest_step(COARSE_MISFIT_SHARE * misfit))
+def _integrated_for(model: Model, prepared: Prepared, fit: Fit, problem: Problem) -> Model:
+    """The model, with a longer step where the plain one is off by so much more than noise that a share is enough."""
+    misfit = problem.misfit(fit)
+    if not FAR_OFF < misfit < np.inf:
+        return model
+    error = misfit * noise_of(prepared.records)
+    step, coarse = (prepared.longest_step(share * error) for share in (MISFIT_SHARE, COARSE_MISFIT_SHARE))
+    return replace(model, integration=replace(model.integration, step=step, coarse=coarse))
 
 
 def fit_baseline(
-    model: Model,
-    prepared: Prepared,
-    engine: Engine,
-    seed: int,
-    cache: Cache | None = None,
-    scatter: Array | None = None,
+    model: Model, prepared: Prepared, seed: int, cache: Cache | None = None, scatter: Array | None = None
 ) -> Baseline:
     """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
 
-    ``scatter`` is what sets logs apart that begin alike, m, shape (channels,).
+    ``model`` is on the thinned logs; ``scatter`` is what sets logs apart that begin alike, m, shape (channels,).
 
     Raises:
         ConvergenceError: the nominal arm diverges under these logs.
@@ -362,27 +360,28 @@ def fit_baseline(
     records = prepared.records
     # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
     rough = noise_model(records, [[] for _ in records])
-    problem = Problem(records, tuple(Whitener(r, rough) for r in records), engine, cache)
-    shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
-    known = cache.get("rough", shapes)
     stiff = prepared.method == "ros2"
     if stiff:
         model = with_wide_damping(model)
+    problem = whole_logs(model, rough, prepared.states, cache)
+    shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
+    known = cache.get("rough", shapes)
     if known is None:
-        x, states = _damped_fit(model, prepared, problem) if stiff else _pieces_fit(model, prepared, rough, engine)
-        if model.sensors is not None and not stiff:
+        x, states = _damped_fit(model, prepared, problem) if stiff else _pieces_fit(model, prepared, rough)
+        if any(of_camera(c) for c in model.plain) and not stiff:
             x, states = _with_file_camera(model, prepared, problem, rough, (x, states))
         cache.put("rough", x=x, states=np.array(states))
     else:
         x, states = known["x"], list(known["states"])
     fit = evaluate(problem, model, x, states)
-    engine = _engine_for(engine, prepared, fit, problem)
-    disturbed = disturbed_outputs(replace(problem, engine=engine), fit, seed)
+    model = _integrated_for(model, prepared, fit, problem)
+    disturbed = disturbed_outputs(problem, replace(fit, model=model), seed)
     noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed), scatter)
-    problem = Problem(records, tuple(Whitener(r, noise) for r in records), engine, cache)
+    problem = whole_logs(model, noise, prepared.states, cache)
     known = cache.get("plain", shapes)
     if known is None:
-        fit = improve(problem, evaluate(problem, model, fit.x, fit.states), iterations=30, tolerance=2e-3, renewals=8)
+        fit = evaluate(problem, model, fit.x, fit.states)
+        fit = improve(problem, fit, iterations=30, tolerance=2e-3, renewals=8, limit=FAR)
         cache.put("plain", x=fit.x, states=np.array(fit.states))
     else:
         fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)

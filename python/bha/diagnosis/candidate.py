@@ -13,9 +13,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 
-from bha.diagnosis.model import EffectTerm, coordinate, number_of
+from bha.diagnosis.model import coordinate
 from bha.diagnosis.plan import KindPlan, Numbers, Strength
 from bha.estimation.free import Coordinate
+from bha.estimation.terms import EffectTerm, number_of
 from bha.parameters import EFFECT_KINDS
 
 #: Unit, least and greatest value of a number of a kind.

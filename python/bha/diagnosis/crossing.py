@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import STATE_SPREAD, Fit, Problem, project_states, state_units
+from bha.diagnosis.fit import Fit, Problem, project_states
 from bha.diagnosis.holdout import Prediction, Readings, error_of, predicted, up_to_run_away
 from bha.diagnosis.where import block_edges
 
@@ -94,18 +94,16 @@ def crossed(problem: Problem, fit: Fit, readings: Readings) -> Prediction:
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
     left_out = groups(problem)
-    units = state_units(len(fit.states[0]) // 2)
     runs = []
     for group, x in zip(left_out, without_groups(problem, fit, left_out), strict=True):
         part, jacobian = problem.slices()[group.log], fit.state_jacobians[group.log]
         left = fit.residual[part] - fit.jacobian[part] @ (x - fit.x)
         # A model with a gap errs everywhere; the state must not bend to it more than it is uncertain.
         weight = max(1.0, float(np.mean(left**2)))
-        curvature = jacobian.T @ jacobian / weight + np.eye(len(units)) / STATE_SPREAD**2
-        state = fit.states[group.log] + np.linalg.solve(curvature, jacobian.T @ left / weight) * units
-        states = [state if k == group.log else s for k, s in enumerate(fit.states)]
-        runs.append(fit.model.runs(x, problem.records, states)[group.log])
-    simulated = problem.engine.run(runs, finer=fit.model.finer)
+        curvature = jacobian.T @ jacobian / weight + np.diag(problem.state_precision)
+        state = fit.states[group.log] + np.linalg.solve(curvature, jacobian.T @ left / weight)
+        runs.append(fit.model.run(x, problem.windows[group.log], state))
+    simulated = fit.model.integration.run(runs)
     raw = [np.empty_like(record.measured) for record in problem.records]
     for group, y in zip(left_out, simulated, strict=True):
         time = problem.records[group.log].time

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from bha.diagnosis import excitation
 from bha.diagnosis.baseline import Baseline
-from bha.diagnosis.camera import moved
 from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import Decision, GapTest
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.holdout import Holdout, share_brought
 from bha.diagnosis.intervals import confidences
-from bha.diagnosis.model import element_of, number_of
+from bha.diagnosis.model import said_of_camera
 from bha.diagnosis.places import nested
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
@@ -25,6 +24,7 @@ from bha.diagnosis.result import Alternative, CandidateLine, Correction, Diagnos
 from bha.diagnosis.screen import Signatures
 from bha.diagnosis.select import Search
 from bha.estimation.records import Record
+from bha.estimation.terms import element_of, number_of
 
 Array = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def describe(
                 }
             ),
             "plain": values,
-            "setup": [text for text in [moved(final.fit.model, uncertainty, final.fit.x)] if text],
+            "setup": [text for text in [said_of_camera(final.fit.model, uncertainty, final.fit.x)] if text],
             "logs": [plain(_log_facts(r, "training")) for r in train]
             + [plain(_log_facts(r, "held out")) for r in held],
         }

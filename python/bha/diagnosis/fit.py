@@ -1,10 +1,8 @@
-"""Output-error fit: plain parameters, effects and the initial state of every log together, by simulation.
+"""Fits of a diagnosis: plain parameters, effects and the initial state of every log together, from whole logs.
 
-What: Levenberg-Marquardt on the whitened residual of whole logs plus the prior. The initial state of each log is
-eliminated within the step (its sensitivities fade with the arm's motion, so they are only simulated until then).
-Source: Nocedal and Wright 2006, chapter 10; whitening :mod:`bha.diagnosis.noise`.
-Validity: a local method: it needs the plain arm within some ten to twenty per cent, or a simulation that stays on
-course.
+What: the problems that a search solves by the hundred, over the same logs and their whitening in bands of frequency,
+each with another set of effects; how it goes about them, and how much its priors weigh. The estimation itself is that
+of :mod:`bha.estimation.problem` and :mod:`bha.estimation.solver`.
 """
 
 from __future__ import annotations
@@ -14,82 +12,95 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
 
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.engine import Engine
-from bha.diagnosis.model import Model
-from bha.diagnosis.noise import Whitener
-from bha.diagnosis.steps import COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, allowed, far_apart
 from bha.errors import ConvergenceError
-from bha.estimation.records import Record
-from bha.estimation.runs import Run
+from bha.estimation.bands import NoiseModel, Whitener
+from bha.estimation.engine import Model, Near
+from bha.estimation.integration import COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, allowed, noise_of
+from bha.estimation.problem import Point, Residuals, Slopes, flat, projected
+from bha.estimation.problem import Problem as EstimationProblem
+from bha.estimation.records import Record, Window
+from bha.estimation.solver import Policy, slopes_at, solve
 
 Array = NDArray[np.float64]
 
-#: Steps of the difference quotients, in coordinates.
-DIFFERENCE = 1e-3
-#: Size of one unit of an initial state: m and m/s.
-STATE_LENGTH, STATE_RATE = 1e-3, 1e-2
-#: Plausible error of an initial state as measured, in these units.
-STATE_SPREAD = 10.0
+#: Plausible errors of an initial length, m, and rate, m/s, as measured.
+STATE_DEVIATION = (0.01, 0.1)
 #: Neighbouring numbers of a residual that is not noise that err together, about.
 CORRELATION = 20.0
-#: After this time the arm has forgotten how it started, s.
-MEMORY = 4.0
+#: A step that gains less than this is none.
+NEGLIGIBLE = 0.5
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Logs, their whitening, and the engine.
+class Problem(EstimationProblem):
+    """Logs as every fit of a search sees them: a problem whose model each fit exchanges for its own.
 
     Attributes:
-        records: the logs.
-        whiteners: one a log.
-        engine: runs the simulations.
         cache: keeps finished fits.
         restarts: plain coordinates from which every fit of a larger or smaller model starts as well, where the cost has
             several valleys (stiff arms, see :mod:`bha.diagnosis.baseline`).
     """
 
-    records: tuple[Record, ...]
-    whiteners: tuple[Whitener, ...]
-    engine: Engine
     cache: Cache = field(default_factory=lambda: Cache(None, ""))
     restarts: tuple[Array, ...] = ()
 
     @property
+    def records(self) -> tuple[Record, ...]:
+        """The logs."""
+        return self.model.records
+
+    @property
+    def whiteners(self) -> tuple[Whitener, ...]:
+        """The whitening of each window."""
+        found = [self.residuals.whitening[window] for window in self.windows]
+        return tuple(w for w in found if isinstance(w, Whitener))
+
+    @property
     def rows(self) -> int:
         """Number of white numbers in all."""
-        return sum(w.kept * len(r.channels) for w, r in zip(self.whiteners, self.records, strict=True))
+        return sum(part.stop - part.start for part in self.slices())
 
     def misfit(self, fit: Fit) -> float:
         """Error of a fit over that of a right model."""
         return float(np.sqrt(fit.squares / self.rows))
 
+    def of(self, model: Model) -> Problem:
+        """The problem of a model of the search."""
+        mean, deviation = np.array([c.prior for c in model.coordinates]).reshape(-1, 2).T
+        return replace(self, model=model.on(self.records), prior=(mean, deviation))
+
     def simulate(self, model: Model, x: Array, states: Sequence[Array]) -> list[Array]:
-        """Outputs of every log."""
-        return self.engine.run(model.runs(x, self.records, states), finer=model.finer)
+        """Outputs of every window."""
+        return model.on(self.records).predict(x, self.windows, np.stack(states))
 
     def residual(self, outputs: Sequence[Array]) -> Array:
-        """White residual of all logs, measured less simulated, one vector; NaN if a run diverged."""
-        return np.concatenate(
-            [w(r.measured - y).ravel() for w, r, y in zip(self.whiteners, self.records, outputs, strict=True)]
-        )
+        """White residual of all windows, measured less simulated, one vector; NaN if a run diverged."""
+        pairs = zip(self.windows, outputs, strict=True)
+        return np.concatenate([self.residuals.scaled(self.model, window, y)[0].ravel() for window, y in pairs])
 
     def white(self, changes: Sequence[Array]) -> Array:
-        """White rows of a change of the outputs of all logs, one vector."""
-        return np.concatenate([w(y).ravel() for w, y in zip(self.whiteners, changes, strict=True)])
+        """White rows of a change of the outputs of all windows, one vector."""
+        found = []
+        for window, y in zip(self.windows, changes, strict=True):
+            mask = self.records[window.record].usable[window.first : window.last]
+            found.append(self.residuals.white(window, y, mask).ravel())
+        return np.concatenate(found)
 
     def slices(self) -> list[slice]:
-        """Where each log's numbers are in the vector."""
+        """Where each window's numbers are in the vector."""
         found, at = [], 0
-        for w, r in zip(self.whiteners, self.records, strict=True):
-            size = w.kept * len(r.channels)
+        for whitener, window in zip(self.whiteners, self.windows, strict=True):
+            size = whitener.kept * len(self.records[window.record].channels)
             found.append(slice(at, at + size))
             at += size
         return found
+
+    def split(self, table: Array) -> list[Array]:
+        """White numbers of all windows, shape (rows, ...), window by window, each (kept, channels, ...)."""
+        shapes = [(w.kept, -1, *table.shape[1:]) for w in self.whiteners]
+        return [table[part].reshape(shape) for part, shape in zip(self.slices(), shapes, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -99,13 +110,12 @@ class Fit:
     Attributes:
         model: plain arm and effects.
         x: coordinates.
-        states: initial state of each log.
-        outputs: simulated outputs of each log.
+        states: initial state of each window.
+        outputs: simulated outputs of each window.
         residual: white residual.
         cost: sum of squares of the residual plus the prior's.
         jacobian: white outputs by coordinates, shape (rows, size), or None.
-        state_jacobians: white outputs of each log by its initial state, in units of ``STATE_LENGTH`` and
-            ``STATE_RATE``.
+        state_jacobians: white outputs of each window by its initial state, m and m/s.
         trust: weight of the prior against the squares of the residual, see :func:`prior_weight`.
     """
 
@@ -130,15 +140,33 @@ class Fit:
         return prior_cost(self.model, self.x)
 
 
+def problem_of(
+    model: Model,
+    windows: Sequence[Window],
+    noise: NoiseModel,
+    states: Array,
+    *,
+    cache: Cache | None = None,
+) -> Problem:
+    """The problem of windows of a model's records, white by a noise model, with first guesses of initial states."""
+    parts = [model.records[w.record].kept(slice(w.first, w.last)) for w in windows]
+    whitening = {window: Whitener(part, noise) for window, part in zip(windows, parts, strict=True)}
+    residuals = Residuals(tuple(rec.noise for rec in model.records), np.inf, whitening)
+    nothing = (np.zeros(0), np.ones(0))
+    problem = Problem(model, tuple(windows), residuals, states, nothing, STATE_DEVIATION)
+    return (problem if cache is None else replace(problem, cache=cache)).of(model)
+
+
+def whole_logs(model: Model, noise: NoiseModel, states: Sequence[Array], cache: Cache | None = None) -> Problem:
+    """The problem of a model's records from their starts to their ends, see :func:`problem_of`."""
+    windows = [Window(k, 0, len(rec)) for k, rec in enumerate(model.records)]
+    return problem_of(model, windows, noise, np.stack(states), cache=cache)
+
+
 def prior_cost(model: Model, x: Array) -> float:
     """Squares of the coordinates that have a prior."""
     weights = np.array([c.prior_weight for c in model.coordinates])
     return float(weights @ x**2) if len(x) else 0.0
-
-
-def state_units(n: int) -> Array:
-    """Units of the 2n numbers of a state."""
-    return np.concatenate([np.full(n, STATE_LENGTH), np.full(n, STATE_RATE)])
 
 
 def prior_weight(squares: float, rows: int) -> float:
@@ -153,6 +181,7 @@ def prior_weight(squares: float, rows: int) -> float:
 
 def evaluate(problem: Problem, model: Model, x: Array, states: Sequence[Array], trust: float = 1.0) -> Fit:
     """The model at ``x`` without sensitivities; infinite cost if a run diverged."""
+    model = model.on(problem.records)
     outputs = problem.simulate(model, x, states)
     residual = problem.residual(outputs)
     cost = float(residual @ residual) + trust * prior_cost(model, x) if np.all(np.isfinite(residual)) else np.inf
@@ -165,116 +194,41 @@ def weighted(fit: Fit, rows: int) -> Fit:
     return replace(fit, trust=trust, cost=fit.squares + trust * fit.prior)
 
 
+def near(problem: EstimationProblem, point: Point) -> Near | None:
+    """Where the coarse step serves for sensitivities: where it makes of the fit itself what the fine one does.
+
+    Beyond its limit stiction chatters, and differences of chatter are no sensitivities.
+    """
+    if point.outputs is None or point.left is None:
+        return None
+    misfit = float(np.sqrt(np.mean(np.concatenate([left.ravel() for left in point.left]) ** 2)))
+    share = allowed(COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, misfit)
+    return Near(point.outputs, share * noise_of(problem.model.records))
+
+
 def columns(problem: Problem, fit: Fit, which: Sequence[int]) -> Array:
     """White sensitivities by the coordinates ``which``, shape (rows, len(which)), by forward differences."""
-    runs: list[Run] = []
-    steps = []
-    for k in which:
-        x = fit.x.copy()
-        coordinate = fit.model.coordinates[k]
-        step = DIFFERENCE
-        if coordinate.value(x[k] + step) == coordinate.value(x[k]):
-            step = -DIFFERENCE
-        x[k] += step
-        steps.append(step)
-        runs += fit.model.runs(x, problem.records, fit.states)
-    base, outputs = with_base(problem, fit, runs)
-    count = len(problem.records)
-    result = np.empty((problem.rows, len(which)))
-    for column, step in enumerate(steps):
-        changed = outputs[column * count : (column + 1) * count]
-        change = [(a - b) / step for a, b in zip(changed, base, strict=True)]
-        result[:, column] = problem.white(change)
-    return np.nan_to_num(result)
-
-
-def with_base(problem: Problem, fit: Fit, runs: Sequence[Run]) -> tuple[list[Array], list[Array]]:
-    """Outputs of the fit and of ``runs``, all at one step: their differences are what is wanted.
-
-    The coarse step serves where it makes of the fit itself what the fine one does: beyond its limit stiction chatters,
-    and differences of chatter are no sensitivities.
-    """
-    first, finer = fit.model.runs(fit.x, problem.records, fit.states), fit.model.finer
-    count = len(first)
-    outputs = problem.engine.run([*first, *runs], coarse=True, finer=finer)
-    share = allowed(COARSE_ERROR_SHARE, COARSE_MISFIT_SHARE, problem.misfit(fit))
-    if far_apart(problem.records, outputs[:count], fit.outputs, share):
-        outputs = problem.engine.run([*first, *runs], finer=finer)
-    return outputs[:count], outputs[count:]
+    own, point = problem.of(fit.model), point_of(problem, fit)
+    found = [s.by_z for _, s in own.slopes(point, which=which, by_states=False, near=near(own, point))]
+    return np.concatenate([flat(table) for table in found])
 
 
 def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
-    """White sensitivities of each log by its own initial state."""
-    n = len(fit.states[0]) // 2
-    units = state_units(n)
-    runs = []
-    for run in fit.model.runs(fit.x, problem.records, fit.states):
-        time = run.record.time
-        rows = min(int(np.searchsorted(time, time[0] + MEMORY)) + 1, len(time))
-        for k in range(2 * n):
-            changed = run.state.copy()
-            changed[k] += 0.1 * units[k]
-            runs.append(replace(run, state=changed, last=rows))
-    base, outputs = with_base(problem, fit, runs)
-    result = []
-    for i, (record, white) in enumerate(zip(problem.records, problem.whiteners, strict=True)):
-        table = np.zeros((2 * n, len(record.rows), len(record.channels)))
-        for k in range(2 * n):
-            y = outputs[i * 2 * n + k]
-            table[k, : len(y)] = (y - base[i][: len(y)]) / 0.1
-        result.append(white(np.nan_to_num(table)).reshape(2 * n, -1).T)
-    return tuple(result)
+    """White sensitivities of each window by its own initial state, by lengths, 1/m, and rates, s/m."""
+    own, point = problem.of(fit.model), point_of(problem, fit)
+    found = [s.by_state for _, s in own.slopes(point, which=(), near=near(own, point))]
+    return tuple(flat(table) for table in found)
 
 
-def project_states(problem: Problem, state_jacobians: Sequence[Array], table: Array, misfit: float = 1.0) -> Array:
-    """``table`` (rows, k) on the complement of what initial states can do, prior of the states included.
-
-    ``misfit`` is the mean square of a residual that is not noise: what states may do to fit it counts for less.
-    """
-    result = table.copy()
-    for part, jacobian in zip(problem.slices(), state_jacobians, strict=True):
-        normal = jacobian.T @ jacobian + misfit * np.eye(jacobian.shape[1]) / STATE_SPREAD**2
-        result[part] -= jacobian @ np.linalg.solve(normal, jacobian.T @ table[part])
-    return result
+def with_sensitivities(problem: Problem, fit: Fit) -> Fit:
+    """The fit with all its sensitivities."""
+    own = problem.of(fit.model)
+    return _with_slopes(fit, slopes_at(own, point_of(problem, fit), Policy(near=near)))
 
 
-def solve_step(problem: Problem, fit: Fit, damping: float) -> tuple[Array, list[Array]]:
-    """Levenberg-Marquardt step of the coordinates and of the states."""
-    assert fit.jacobian is not None
-    assert fit.state_jacobians is not None
-    weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
-    misfit = max(1.0, fit.squares / problem.rows)
-    projected = project_states(problem, fit.state_jacobians, np.column_stack([fit.jacobian, fit.residual]), misfit)
-    reduced, rest = projected[:, :-1], projected[:, -1]
-    hessian = fit.jacobian.T @ reduced
-    gradient = fit.jacobian.T @ rest - weights * fit.x
-    matrix = hessian + np.diag(weights)
-    matrix += damping * np.diag(np.diag(matrix)) + 1e-12 * np.trace(matrix) / max(len(matrix), 1) * np.eye(len(matrix))
-    step = _within_bounds(matrix, gradient, fit)
-    states = []
-    units = state_units(len(fit.states[0]) // 2)
-    for part, jacobian in zip(problem.slices(), fit.state_jacobians, strict=True):
-        normal = jacobian.T @ jacobian + misfit * np.eye(jacobian.shape[1]) / STATE_SPREAD**2
-        normal += damping * np.diag(np.diag(normal))
-        left = fit.residual[part] - fit.jacobian[part] @ step
-        states.append(np.linalg.solve(normal, jacobian.T @ left) * units)
-    return step, states
-
-
-def _within_bounds(matrix: Array, gradient: Array, fit: Fit) -> Array:
-    """The step that minimises the quadratic form within the bounds of the coordinates.
-
-    One that is cut off afterwards would leave the others where they make up for what is not allowed: the strengths of a
-    bank would be no least squares of what cannot be negative.
-    """
-    step = np.asarray(np.linalg.solve(matrix, gradient), dtype=np.float64)
-    low, high = np.array([c.bounds for c in fit.model.coordinates]).reshape(-1, 2).T - fit.x
-    if np.all((step >= low) & (step <= high)):
-        return step
-    factor = np.linalg.cholesky(matrix)
-    right = solve_triangular(factor, gradient, lower=True)
-    inside = (np.minimum(low, 0.0), np.maximum(high, 0.0))
-    return np.asarray(lsq_linear(factor.T, right, inside, method="bvls").x, dtype=np.float64)
+def project_states(problem: Problem, state_jacobians: Sequence[Array], table: Array) -> Array:
+    """``table`` (rows, k) on the complement of what initial states can do, prior of the states included."""
+    return projected(problem.slices(), state_jacobians, table, problem.state_precision)
 
 
 def improve(
@@ -284,19 +238,18 @@ def improve(
     iterations: int = 8,
     tolerance: float = 1e-3,
     renew: Sequence[int] | None = None,
-    limit: float = 3.0,
+    limit: float = 1.0,
     renewals: int = 3,
 ) -> Fit:
     """Fit from ``fit`` on.
 
-    Sensitivities are kept from step to step as long as they predict what a step brings, and renewed when they do not:
-    they cost some thirty times a run.
+    Sensitivities are kept from step to step as long as they predict what a step brings, and renewed when they do not.
 
     Args:
         problem: the logs.
         fit: where to start, with its sensitivities where it has them.
         iterations: most steps.
-        tolerance: stop when a step lowers the cost by less than this share, or by less than 0.5.
+        tolerance: stop when a step lowers the cost by less than this share, or by less than ``NEGLIGIBLE``.
         renew: coordinates whose sensitivities are renewed in every step in any case (those that enter most
             nonlinearly).
         limit: greatest step of a coordinate.
@@ -307,38 +260,27 @@ def improve(
     """
     if not np.isfinite(fit.cost):
         raise ConvergenceError("the simulation diverges at the start of the fit; is the arm's file that of the logs?")
-    if fit.jacobian is None or fit.state_jacobians is None:
-        fit = with_sensitivities(problem, fit)
-    fit = weighted(fit, problem.rows)
-    damping, fresh = 1e-4, True
-    for _ in range(iterations):
-        trial, predicted = _attempt(problem, fit, damping, limit)
-        for _ in range(6):
-            if trial is not None and trial.cost < fit.cost:
-                break
-            damping = max(30.0 * damping, 1e-2)
-            trial, predicted = _attempt(problem, fit, damping, limit)
-        if trial is None or trial.cost >= fit.cost:
-            if fresh or renewals == 0:
-                break
-            fit, fresh, renewals, damping = with_sensitivities(problem, fit), True, renewals - 1, 1e-4
-            continue
-        gain = fit.cost - trial.cost
-        damping = max(0.1 * damping, 1e-7)
-        small = gain < max(tolerance * fit.cost, 0.5)
-        fit = weighted(replace(trial, jacobian=fit.jacobian, state_jacobians=fit.state_jacobians), problem.rows)
-        if small and (fresh or renewals == 0):
-            break
-        good = gain > 0.6 * predicted and not small
-        fresh = False
-        if not good and renewals > 0:
-            fit, fresh, renewals = with_sensitivities(problem, fit), True, renewals - 1
-        elif renew:
-            assert fit.jacobian is not None
-            jacobian = fit.jacobian.copy()
-            jacobian[:, list(renew)] = columns(problem, fit, renew)
-            fit = replace(fit, jacobian=jacobian)
-    return fit
+    policy = Policy(
+        max_iterations=iterations,
+        tolerance=tolerance,
+        negligible=NEGLIGIBLE,
+        rise=(30.0, 1e-2, 1e6),
+        limit=limit,
+        renewals=renewals,
+        renew=tuple(renew or ()),
+        weigh=_weighed,
+        near=near,
+    )
+    slopes = None
+    if fit.jacobian is not None and fit.state_jacobians is not None:
+        tables = zip(problem.split(fit.jacobian), fit.state_jacobians, strict=True)
+        slopes = [Slopes(by_z, own.reshape(*by_z.shape[:2], -1)) for by_z, own in tables]
+    outcome = solve(problem.of(fit.model), point_of(problem, fit), policy, slopes=slopes)
+    point = outcome.point
+    assert point.outputs is not None
+    residual = problem.residual(point.outputs)
+    ended = Fit(fit.model, point.z, tuple(point.states), point.outputs, residual, point.cost)
+    return weighted(ended if outcome.slopes is None else _with_slopes(ended, outcome.slopes), problem.rows)
 
 
 def restarted(problem: Problem, fit: Fit) -> Fit:
@@ -352,30 +294,24 @@ def restarted(problem: Problem, fit: Fit) -> Fit:
     return fit
 
 
-def _attempt(problem: Problem, fit: Fit, damping: float, limit: float) -> tuple[Fit | None, float]:
-    """A step, its result, and the gain that the sensitivities predict."""
-    step, states = solve_step(problem, fit, damping)
-    size = float(np.max(np.abs(step), initial=0.0))
-    if size > limit:
-        step *= limit / size
-        states = [s * (limit / size) for s in states]
-    x = fit.x + step
-    x = np.array([c.coordinate(c.value(v)) for c, v in zip(fit.model.coordinates, x, strict=True)])
-    trial = evaluate(problem, fit.model, x, [a + b for a, b in zip(fit.states, states, strict=True)], fit.trust)
-    assert fit.jacobian is not None
-    assert fit.state_jacobians is not None
-    left = fit.residual - fit.jacobian @ (x - fit.x)
-    units = state_units(len(fit.states[0]) // 2)
-    for part, jacobian, change in zip(problem.slices(), fit.state_jacobians, states, strict=True):
-        left[part] -= jacobian @ (change / units)
-    predicted = fit.cost - float(left @ left) - fit.trust * prior_cost(fit.model, x)
-    return (trial if np.isfinite(trial.cost) else None), predicted
+def point_of(problem: Problem, fit: Fit) -> Point:
+    """A fit as a point of a search."""
+    return Point(fit.x, np.stack(fit.states), fit.cost, fit.outputs, tuple(problem.split(fit.residual)))
 
 
-def with_sensitivities(problem: Problem, fit: Fit) -> Fit:
-    """The fit with all its sensitivities."""
+def _weighed(problem: EstimationProblem, point: Point) -> EstimationProblem:
+    """The problem with the weight of its priors that a residual asks for, states free about where they are."""
+    assert point.left is not None
+    squares, rows = sum(float(np.sum(left**2)) for left in point.left), sum(left.size for left in point.left)
     return replace(
-        fit,
-        jacobian=columns(problem, fit, range(fit.model.size)),
-        state_jacobians=state_columns(problem, fit),
+        problem,
+        prior_weight=prior_weight(squares, rows),
+        state_weight=max(1.0, squares / rows),
+        guesses=point.states,
     )
+
+
+def _with_slopes(fit: Fit, slopes: Sequence[Slopes]) -> Fit:
+    """The fit with these sensitivities."""
+    jacobian = np.concatenate([flat(own.by_z) for own in slopes])
+    return replace(fit, jacobian=jacobian, state_jacobians=tuple(flat(own.by_state) for own in slopes))

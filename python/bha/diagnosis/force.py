@@ -32,7 +32,7 @@ from bha.arm.geometry import bellows_length_rows
 from bha.diagnosis.force_smoother import Forces, Motion, Smoothed, smooth
 from bha.diagnosis.shortcuts import ON_PRESSURES
 from bha.errors import BhaError
-from bha.estimation.initial import pose
+from bha.estimation.initial import pose_of
 from bha.estimation.noise import reading_interval
 from bha.estimation.records import Record
 from bha.recordings import Observation
@@ -189,7 +189,7 @@ class _Track:
         count = 2 + int(POSES_A_SECOND * np.ptp(self.time))
         few = np.unique(np.linspace(0, len(self.time) - 1, count).round().astype(int))
         values = np.where(self.usable, self.measured, np.nan)
-        poses = np.stack([pose(arm, record, values[k], record.noise, self.pressures[k]) for k in few])
+        poses = np.stack([pose_of(arm, record, values[k], record.noise, self.pressures[k]) for k in few])
         self.lengths = np.column_stack([np.interp(self.time, self.time[few], q) for q in poses.T])
         self.rates = np.gradient(self.lengths, self.time, axis=0)
 

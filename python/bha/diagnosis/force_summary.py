@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,15 +22,14 @@ from bha.diagnosis.force import ResidualForce, estimated
 from bha.diagnosis.force_law import Law, follow
 from bha.diagnosis.force_table import VARIABLES, ResidualTable
 from bha.diagnosis.holdout import error_of, predicted, rms_errors, up_to_run_away
-from bha.diagnosis.model import runs_of
-from bha.diagnosis.noise import ar1_density
 from bha.diagnosis.result import CarriedTable, ForceAlong, ResidualForceFound
 from bha.errors import BhaError
+from bha.estimation.bands import ar1_density
 from bha.support.files import written_whole
 
 if TYPE_CHECKING:
-    from bha.diagnosis.noise import NoiseModel
     from bha.diagnosis.workflow import Investigation
+    from bha.estimation.bands import NoiseModel
     from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
@@ -155,8 +154,9 @@ def _errors(outcome: Investigation, arm: Arm) -> tuple[float, float]:
     That of an arm that runs away anywhere is infinite.
     """
     holdout, plain = outcome.holdout, outcome.plain.prediction
-    problem = holdout.problem
-    raw = problem.engine.run(runs_of(arm, problem.records, plain.states, outcome.model.camera(outcome.x)))
+    problem, model = holdout.problem, outcome.model.on(holdout.problem.records)
+    runs = [replace(run, arm=arm) for run in model.runs(outcome.x, plain.states)]
+    raw = replace(model.integration, finer=1).run(runs)
     outputs, until = up_to_run_away(problem, raw)
     white, error = problem.residual(outputs), error_of(problem, raw)
     carried = predicted(problem, holdout.readings, outputs, plain.states, white, until, error)

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bha.diagnosis.fit import STATE_SPREAD, Fit, Problem, state_columns, state_units
-from bha.diagnosis.model import Model
-from bha.diagnosis.start import first_state, tells_state
+from bha.diagnosis.fit import Fit, Problem, state_columns
+from bha.diagnosis.model import of_camera
 from bha.diagnosis.where import block_edges
-from bha.errors import BhaError
+from bha.errors import ConvergenceError
+from bha.estimation.engine import Model
+from bha.estimation.initial import tells_state
 from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
@@ -116,13 +117,12 @@ class Holdout:
 
         Without that a model whose camera stands elsewhere is held to a state that is off by as much.
         """
-        camera, records = model.camera(x), self.problem.records
-        if camera is None or not tells_state(records[0].observation, model.sections):
+        records, free = self.problem.records, any(of_camera(c) for c in model.plain)
+        if not free or not tells_state(records[0].observation, model.sections):
             return self._states
         try:
-            arm = model.arm(x)
-            return [first_state(arm, record.seen_by(camera), model.sections) for record in records]
-        except BhaError:
+            return list(model.on(records).guesses(x, self.problem.windows))
+        except ConvergenceError:
             return self._states
 
     def _evaluate(self, model: Model, x: Array, states: Sequence[Array]) -> tuple[Fit, tuple[float, ...], float]:
@@ -130,17 +130,16 @@ class Holdout:
         raw = self.problem.simulate(model, x, states)
         outputs, until = up_to_run_away(self.problem, raw)
         residual = self.problem.residual(outputs)
-        fit = Fit(model, x, tuple(states), outputs, residual, float(residual @ residual))
+        fit = Fit(model.on(self.problem.records), x, tuple(states), outputs, residual, float(residual @ residual))
         return fit, until, error_of(self.problem, raw)
 
     def _improved(self, fit: Fit, sensitivities: Sequence[Array]) -> list[Array]:
-        units = state_units(len(fit.states[0]) // 2)
         states = []
         for part, jacobian, state in zip(self.problem.slices(), sensitivities, fit.states, strict=True):
             # A model with a gap errs everywhere; the state must not bend to it more than it is uncertain.
             weight = max(1.0, float(np.mean(fit.residual[part] ** 2)))
-            normal = jacobian.T @ jacobian / weight + np.eye(jacobian.shape[1]) / STATE_SPREAD**2
-            states.append(state + np.linalg.solve(normal, jacobian.T @ fit.residual[part] / weight) * units)
+            normal = jacobian.T @ jacobian / weight + np.diag(self.problem.state_precision)
+            states.append(state + np.linalg.solve(normal, jacobian.T @ fit.residual[part] / weight))
         return states
 
 

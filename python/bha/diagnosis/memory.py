@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
 from bha.diagnosis.fit import Problem
-from bha.diagnosis.noise import frequencies
+from bha.estimation.bands import frequencies
 
 Array = NDArray[np.float64]
 

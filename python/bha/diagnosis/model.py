@@ -1,34 +1,28 @@
-"""The model that is fitted: an arm's plain parameters and any number of effects, over one vector of coordinates.
+"""What is free in a diagnosis beside effects: an arm's plain parameters, and how far each plausibly is from its file.
 
-What: every number that may change is a :class:`Coordinate`, which says how it enters the core's description of the arm
-and how far it may plausibly be from its nominal value: the vector ``x`` counts in these distances, so that the prior is
-a unit normal.
+What: every number that may change is a :class:`bha.estimation.free.Coordinate`, which counts in the distance that the
+number plausibly has from its nominal value, so that the prior is a unit normal. The camera's frame is among them where
+heads were measured: they are seen in a frame that stands some millimetres beside the arm's base and is turned by some
+degrees, whatever the file says. That is no physics of the arm; left out it passes for offsets of pressures and tilts.
 Source: plain parameters as in the paper's identification (section IV): mass and inertia (56), longitudinal stiffness
 (Fig. 8), bending stiffness (Fig. 9), damping (Fig. 10).
 Validity: the scale of all forces is set by the effective areas, which count as known unless the parameter file calls
-them assumed.
+them assumed. One camera for all logs; one that is off by tens of degrees or mirrored is a fault, see ``bha check``.
 """
 
 from __future__ import annotations
 
-import copy
-import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bha import _core
-from bha.arm.geometry import CameraFrame, camera_frame
-from bha.arm.variants import Variants, with_effects
-from bha.errors import BhaError
-from bha.estimation.free import Coordinate
-from bha.estimation.records import Record
-from bha.estimation.runs import Run
+from bha.estimation.derived import Core, core_of, stiffness_elongations, tangent_stiffness
+from bha.estimation.engine import Differences, Model
+from bha.estimation.free import Coordinate, camera_free, resolve, with_values
 from bha.parameters import Place, paths
 
 if TYPE_CHECKING:
@@ -36,7 +30,6 @@ if TYPE_CHECKING:
     from bha.parameters.sensors import SensorsParameters
 
 Array = NDArray[np.float64]
-Core = dict[str, Any]
 
 #: Plausible relative distance of a plain parameter from the file's value, one standard deviation.
 MASS_SPREAD, INERTIA_SPREAD, STIFFNESS_SPREAD, DAMPING_SPREAD, BENDING_SPREAD, AREA_SPREAD = (
@@ -49,12 +42,12 @@ MASS_SPREAD, INERTIA_SPREAD, STIFFNESS_SPREAD, DAMPING_SPREAD, BENDING_SPREAD, A
 )
 #: Plausible distance of the centre of mass along z and of the rest length, as a share of the rest length.
 CENTER_SPREAD, REST_SPREAD = 0.08, 0.2
-#: Where in the range of lengths the tangent stiffness is identified: as many terms of the polynomial as places. Numbers
-#: at places stay positive and plausible where coefficients would not: a polynomial that turns soft beyond the data
-#: lets the arm run away on other logs.
-STIFFNESS_PLACES = (0.05, 0.35, 0.65, 0.95)
 #: Least tangent stiffness, as a share of that at rest.
 LEAST_STIFFNESS = 0.05
+#: Differences large enough for effects that chatter; an arm has forgotten how it began after so long, s.
+DIFFERENCES = Differences(parameter=1e-3, length=1e-4, rate=1e-3, memory=4.0, lenient=True)
+#: Numbers of ``[sensors]`` that heads tell, with unit and from which distance to the file's value on they are said.
+CAMERA = (("camera_position", "m", 1e-3), ("camera_rotation", "rad", 5e-3))
 
 
 def coordinate(
@@ -96,283 +89,52 @@ def is_damping(coordinate: Coordinate) -> bool:
     return paths.key_of(coordinate.path) == "damping"
 
 
-def number_of(coordinate: Coordinate) -> str:
-    """The name of an effect's number that a coordinate is of."""
-    return coordinate.path.rpartition(".")[2]
-
-
-def element_of(coordinate: Coordinate) -> int | None:
-    """The element of a bank that a coordinate is of, from 0; None where an effect has one element."""
-    steps = coordinate.path.split(".")
-    return int(steps[1]) if len(steps) == 3 else None
-
-
-@dataclass(frozen=True)
-class EffectTerm:
-    """One effect in the model: one element, or a bank of several in one place.
-
-    Attributes:
-        kind: as in a parameter file.
-        where: as in a parameter file.
-        coordinates: what is fitted; of a bank each is of one element, see :func:`element_of`.
-        fixed: numbers that stay.
-        numbers: what makes the numbers of the file from those that are fitted, where they are others (a wall's angle
-            and distance).
-        begin: coordinates from which they are fitted when nothing better is known.
-        bank: numbers that stay, element by element: the grid of a bank.
-    """
-
-    kind: str
-    where: str
-    coordinates: tuple[Coordinate, ...]
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    numbers: Callable[[Mapping[str, float]], dict[str, float]] = dict
-    begin: tuple[float, ...] = ()
-    bank: tuple[Mapping[str, float], ...] = ({},)
-
-    @property
-    def label(self) -> str:
-        """``creep at bellows 32``."""
-        return f"{self.kind} at {self.where}"
-
-    def table(self, numbers: Mapping[str, float]) -> dict[str, Any]:
-        """The effect in the core's description."""
-        return {"kind": self.kind, "where": self.where, "parameters": dict(numbers)}
-
-    def elements(self, x: Sequence[float]) -> list[dict[str, float]]:
-        """Numbers by name of each element at the coordinates ``x``."""
-        found = []
-        for k, own in enumerate(self.bank):
-            values = {
-                number_of(c): c.value(v) for c, v in zip(self.coordinates, x, strict=True) if element_of(c) in (None, k)
-            }
-            found.append(self.numbers({**self.fixed, **own, **values}))
-        return found
-
-    def only(self, which: Sequence[int]) -> EffectTerm:
-        """A bank of one strength an element with some of its elements only."""
-        own = [(self.coordinates[k], self.begin[k], self.bank[k]) for k in which]
-        moved = [replace(c, path=f"effect.{k}.{number_of(c)}") for k, (c, _, _) in enumerate(own)]
-        return replace(
-            self, coordinates=tuple(moved), begin=tuple(b for _, b, _ in own), bank=tuple(e for _, _, e in own)
-        )
-
-    def on_bound(self, x: Array) -> set[str]:
-        """Names of the numbers that sit on a bound at the coordinates ``x``, in all elements that have them."""
-        off = {number_of(c) for c, v in zip(self.coordinates, x, strict=True) if not c.at_bound(float(v))}
-        return {number_of(c) for c in self.coordinates} - off
-
-
-@dataclass(frozen=True)
-class Model:
-    """An arm in coordinates: plain parameters first, then those of the effects.
-
-    Attributes:
-        core: the core's description of the arm at its nominal values, without the effects of this model.
-        plain: the plain coordinates.
-        arms: the arms without the effects, by values of those plain coordinates that are not the camera's.
-        effects: the effects.
-        finer: the step of the integration, which was chosen for the plain arm, is divided by this.
-        sensors: the file's, where coordinates of the camera are among the plain ones (:mod:`bha.diagnosis.camera`).
-    """
-
-    core: Core
-    plain: tuple[Coordinate, ...]
-    arms: Variants = field(compare=False)
-    effects: tuple[EffectTerm, ...] = ()
-    finer: int = 1
-    sensors: SensorsParameters | None = None
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """All of them, in the order of ``x``."""
-        return (*self.plain, *(c for effect in self.effects for c in effect.coordinates))
-
-    @property
-    def size(self) -> int:
-        """Length of ``x``."""
-        return len(self.plain) + sum(len(e.coordinates) for e in self.effects)
-
-    @property
-    def sections(self) -> int:
-        """Number of sections."""
-        return len(self.core["section"])
-
-    def with_effects(self, effects: Sequence[EffectTerm]) -> Model:
-        """The same plain arm with other effects."""
-        return replace(self, effects=tuple(effects))
-
-    def with_plain(self, plain: Sequence[Coordinate], sensors: SensorsParameters) -> Model:
-        """The same arm with other plain coordinates, those of its camera among them."""
-        return replace(self, plain=tuple(plain), sensors=sensors)
-
-    def sensors_at(self, x: Array) -> SensorsParameters | None:
-        """The sensors with the camera that is seen by at ``x``; None where no coordinate moves it."""
-        if self.sensors is None:
-            return None
-        vectors = {
-            "camera_position": list(self.sensors.camera_position),
-            "camera_rotation": list(self.sensors.camera_rotation_rad),
-        }
-        for own, value in zip(self.plain, x, strict=False):
-            if of_camera(own):
-                _, key, axis = own.path.split(".")
-                vectors[key][paths.AXES.index(axis)] = own.value(float(value))
-        return self.sensors.with_camera(vectors["camera_position"], vectors["camera_rotation"])
-
-    def runs(
-        self, x: Array, records: Sequence[Record], states: Sequence[Array], rows: Sequence[int] | None = None
-    ) -> list[Run]:
-        """A run at ``x`` on each record, over all its rows or so many; without an arm where none has the numbers."""
-        try:
-            arm = self.arm(x)
-        except BhaError:
-            arm = None
-        return runs_of(arm, records, states, self.camera(x), rows)
-
-    def camera(self, x: Array) -> CameraFrame | None:
-        """The frame in which heads are seen at ``x``; None for that of the file."""
-        sensors = self.sensors_at(x)
-        return None if sensors is None else camera_frame(sensors)
-
-    def place(self, number: int) -> slice:
-        """Where the coordinates of one effect stand in ``x``."""
-        first = len(self.plain) + sum(len(e.coordinates) for e in self.effects[:number])
-        return slice(first, first + len(self.effects[number].coordinates))
-
-    def split(self, x: Array) -> tuple[Array, list[Array]]:
-        """Plain coordinates, and those of each effect."""
-        return x[: len(self.plain)], [x[self.place(k)] for k in range(len(self.effects))]
-
-    def description(self, x: Array) -> Core:
-        """The core's description at ``x``."""
-        plain, parts = self.split(x)
-        moving = [(c, c.value(float(v))) for c, v in zip(self.plain, plain, strict=True) if not of_camera(c)]
-        core = described(self.core, [c for c, _ in moving], [value for _, value in moving])
-        return dict(with_effects(core, self._tables(parts)))
-
-    def arm(self, x: Array) -> _core.Arm:
-        """The arm at ``x``; the same object for the same numbers.
-
-        Raises:
-            ParameterError: no arm has them.
-        """
-        plain, parts = self.split(x)
-        values = [c.value(float(v)) for c, v in zip(self.plain, plain, strict=True) if not of_camera(c)]
-        return self._variants.arm(np.array(values), [table["parameters"] for table in self._tables(parts)])
-
-    @cached_property
-    def _variants(self) -> Variants:
-        return self.arms.beside(self._tables([np.zeros(len(e.coordinates)) for e in self.effects]))
-
-    def _tables(self, parts: Sequence[Array]) -> list[dict[str, Any]]:
-        """All elements of all effects in the core's description."""
-        return [
-            effect.table(numbers)
-            for effect, part in zip(self.effects, parts, strict=True)
-            for numbers in effect.elements([float(v) for v in part])
-        ]
-
-    def values(self, x: Array) -> dict[str, float]:
-        """All values by name."""
-        return {c.name: c.value(float(v)) for c, v in zip(self.coordinates, x, strict=True)}
-
-
-def runs_of(
-    arm: _core.Arm | None,
-    records: Sequence[Record],
-    states: Sequence[Array],
-    camera: CameraFrame | None = None,
-    rows: Sequence[int] | None = None,
-) -> list[Run]:
-    """A run of an arm on each record, its heads seen in a frame (the record's for None), over so many rows or all."""
-    last = [None] * len(records) if rows is None else rows
-    pairs = zip(records, states, last, strict=True)
-    return [Run(arm, r.observation.seen_by(camera), r, state, last=end) for r, state, end in pairs]
-
-
-def described(core: Core, coordinates: Sequence[Coordinate], values: Sequence[float] | Array) -> Core:
-    """``core`` with values of plain coordinates."""
-    changed = copy.deepcopy(core)
-    for own, value in zip(coordinates, values, strict=True):
-        number = int(own.path.split(".")[1]) - 1
-        set_plain(changed["section"][number], own.path, float(value), core["section"][number])
-    return changed
-
-
-def set_plain(section: Core, path: str, value: float, nominal: Core) -> None:
-    """Write one plain number of a section into the core's description.
-
-    ``section.1.mass`` moves the inertia along, since (56) is proportional to the mass; ``section.1.inertia.*`` is a
-    factor. ``section.1.bellows.2.rest_length`` is that of one bellows. ``section.1.tangent_stiffness.3`` (at the third
-    of :func:`stiffness_elongations` of the ``nominal`` section), ``section.1.damping``, ``section.1.rest_length`` and
-    ``section.1.terminal_area`` act on all bellows of the section, whose differences stay in proportion.
-    """
-    _, _, key, *rest = path.split(".")
-    if key == "mass":
-        factor = value / section["mass"]
-        section["mass"] = value
-        section["inertia"] = [factor * entry for entry in section["inertia"]]
-    elif key == "inertia":
-        section["inertia"] = [value * entry for entry in section["inertia"]]
-    elif key == "center_of_mass":
-        # The logged force keeps acting where it did.
-        section["force_point"] = section.get("force_point") or section["center_of_mass"]
-        section["center_of_mass"] = [*section["center_of_mass"][:2], value]
-    elif key == "bending_stiffness":
-        section["bending_stiffness"] = [value, *section["bending_stiffness"][1:]]
-    elif key == "bellows":
-        section["bellows"][int(rest[0]) - 1][rest[1]] = value
-    elif key == "tangent_stiffness":
-        set_tangent_stiffness(section, stiffness_elongations(nominal), int(rest[0]) - 1, value)
-    else:
-        old = section["bellows"][0][key]
-        for bellows in section["bellows"]:
-            bellows[key] = bellows[key] * value / old if old else value
-
-
-def stiffness_elongations(section: Core) -> tuple[float, ...]:
-    """Elongations at which the tangent stiffness is identified, m: places in a section's range from its rest length."""
-    low, high = section["length_range"]
-    rest = section["bellows"][0]["rest_length"]
-    return tuple(low + share * (high - low) - rest for share in STIFFNESS_PLACES)
-
-
-def tangent_stiffness(stiffness: Sequence[float], elongation: float) -> float:
-    """Slope of the spring force ``sum_m stiffness[m] x^(m + 1)``, N/m."""
-    return sum((m + 1) * k * elongation**m for m, k in enumerate(stiffness))
-
-
-def set_tangent_stiffness(section: Core, elongations: Sequence[float], place: int, value: float) -> None:
-    """Change the springs of a section: tangent stiffness ``value`` at one elongation, and as it was at the others."""
-    at = list(elongations)
-    own = at.pop(place)
-    # Lagrange's polynomial: one at its own elongation, zero at the others.
-    shape = np.array([1.0])
-    for other in at:
-        shape = np.convolve(shape, np.array([-other, 1.0]) / (own - other))
-    first = list(section["bellows"][0]["stiffness"])
-    change = value - tangent_stiffness(first, own)
-    for bellows in section["bellows"]:
-        terms = [*bellows["stiffness"], *[0.0] * (len(shape) - len(bellows["stiffness"]))]
-        scale = terms[0] / first[0] if first[0] else 1.0
-        for m, weight in enumerate(shape):
-            terms[m] += scale * change * float(weight) / (m + 1)
-        bellows["stiffness"] = terms
-
-
-def plain_model(arm: Arm) -> Model:
-    """The model of an arm with its plain parameters free."""
-    core = json.loads(arm.parameters.to_core_json())
+def plain_model(arm: Arm, *, camera: bool = False) -> Model:
+    """The model of an arm with its plain parameters free, those of its camera too if wanted."""
+    core = core_of(arm.parameters)
     coordinates: list[Coordinate] = []
     for i, section in enumerate(core["section"]):
         coordinates += _plain_of_section(arm, i, section)
+    if camera:
+        coordinates += _of_the_camera(arm)
+    return Model(arm.parameters, tuple(coordinates), differences=DIFFERENCES)
 
-    def describe(values: Array) -> Core:
-        return described(core, coordinates, values)
 
-    arms = Variants(describe, [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates])
-    return Model(core, tuple(coordinates), arms)
+def _of_the_camera(arm: Arm) -> list[Coordinate]:
+    """The frame of the camera that sees the heads; what the file calls published is known and stays."""
+    found = []
+    for own in resolve(arm.parameters, camera_free(arm.parameters)) if camera_free(arm.parameters) else ():
+        _, key, axis = own.path.split(".")
+        found.append(replace(own, name=f"{key} {axis}", scale=own.prior_deviation))
+    return found
+
+
+def sensors_at(model: Model, x: Array) -> SensorsParameters | None:
+    """The sensors with the camera that is seen by at ``x``; None where no coordinate moves it."""
+    moving = [(c, c.value(float(v))) for c, v in zip(model.plain, x, strict=False) if of_camera(c)]
+    if not moving:
+        return None
+    return with_values(model.parameters, [c for c, _ in moving], [value for _, value in moving]).sensors
+
+
+def said_of_camera(model: Model, uncertainty: Sequence[tuple[float, float]], x: Array) -> str | None:
+    """What is to be said of a camera that is elsewhere than the file has it; None where it is not told to be.
+
+    Args:
+        model: the model.
+        uncertainty: 95 % interval of each of its coordinates.
+        x: its coordinates.
+    """
+    texts = []
+    for key, unit, least in CAMERA:
+        own = [(c, float(x[k]), uncertainty[k]) for k, c in enumerate(model.plain) if paths.key_of(c.path) == key]
+        size = float(np.linalg.norm([c.value(v) - c.start for c, v, _ in own]))
+        if size < least or all(low <= c.start <= high for c, _, (low, high) in own):
+            continue
+        how = f"stands {1e3 * size:.3g} mm beside" if unit == "m" else f"is turned by {np.degrees(size):.2g} deg from"
+        values = ", ".join(f"{c.value(v):.4g}" for c, v, _ in own)
+        texts.append(f"{how} where the file has it, {key} = [{values}]")
+    return f"the camera that sees the heads {' and '.join(texts)}; estimated, no effect of the arm" if texts else None
 
 
 def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:

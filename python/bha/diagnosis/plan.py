@@ -69,7 +69,7 @@ class KindPlan:
             a strength without it.
         begin: start of the numbers that are fitted, from the strengths of the probes and the shapes; zero strength
             without it.
-        numbers: see :class:`bha.diagnosis.model.EffectTerm`.
+        numbers: see :class:`bha.estimation.terms.EffectTerm`.
         further: of a kind of which several may act in one place (branches, stages): from the numbers of the one that is
             there the shapes from which another is sought.
         adding: numbers whose sum over such elements is what they amount to together.

@@ -17,10 +17,10 @@ from bha.diagnosis.candidate import Candidate, Ranges
 from bha.diagnosis.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.memory import by_log, numbers_per_independent
-from bha.diagnosis.model import EffectTerm
 from bha.diagnosis.slowness import LAG, better_way
-from bha.diagnosis.steps import resolved
 from bha.errors import ConvergenceError
+from bha.estimation.integration import resolved
+from bha.estimation.terms import EffectTerm
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def refit(
     ranges: Ranges,
     *,
     kept: int,
-    iterations: int = 8,
+    iterations: int = 12,
     renewals: int = 1,
 ) -> Trial | None:
     """Refit with the effects ``candidates``, the first ``kept`` of which are already in ``start``; None if it diverges.
@@ -122,7 +122,7 @@ def refit(
     x = np.concatenate([start.x[:old], *(np.array(begin, dtype=np.float64) for _, begin in made)])
     # Strengths start at zero: the step has to do for those that are expected.
     expected = np.where((x == 0.0) & (np.arange(len(x)) >= old), 1.0, x)
-    model = resolved(problem.engine, problem.records, model, expected, start.states, problem.misfit(start))
+    model = resolved(model, expected, start.states, problem.misfit(start))
     fit = evaluate(problem, model, x, start.states, start.trust)
     if not np.isfinite(fit.cost):
         return None
@@ -143,7 +143,7 @@ def refit(
                 renew=effect_coordinates,
                 renewals=renewals,
                 tolerance=2e-3,
-                limit=2.0,
+                limit=1.0,
             )
         except ConvergenceError:
             return None
@@ -195,7 +195,7 @@ def without(problem: Problem, holdout: Holdout, trial: Trial, index: int, *, ite
     fit = replace(fit, jacobian=smaller.jacobian, state_jacobians=smaller.state_jacobians)
     renew = list(range(len(fit.model.plain), fit.model.size))
     try:
-        fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=2, tolerance=2e-3, limit=2.0)
+        fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=2, tolerance=2e-3, limit=1.0)
     except ConvergenceError:
         return None
     fit = restarted(problem, fit)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 
 from bha.diagnosis.holdout import Holdout
-from bha.diagnosis.noise import NoiseModel
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.where import block_edges
+from bha.estimation.bands import NoiseModel
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,6 @@ from bha.diagnosis.cache import Cache
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.fit import Fit, Problem, project_states
 from bha.diagnosis.memory import draws_like
-from bha.diagnosis.model import Core, runs_of
 from bha.diagnosis.places import members, place_of, places
 from bha.diagnosis.plan import KindPlan
 from bha.diagnosis.shortcuts import (
@@ -37,6 +36,7 @@ from bha.diagnosis.shortcuts import (
     length_change,
 )
 from bha.errors import BhaError
+from bha.estimation.derived import Core
 from bha.estimation.runs import Run
 from bha.parameters import Place
 
@@ -135,16 +135,16 @@ def probe(
     if known is not None:
         return Signatures(tuple(candidates), tuple(columns), np.asarray(known["table"], dtype=np.float32))
     table = np.zeros((problem.rows, len(changes)), dtype=np.float32)
-    plain, finer = fit.model.runs(fit.x, problem.records, fit.states), fit.model.finer
+    plain, integration = fit.model.runs(fit.x, fit.states), fit.model.integration
     count = len(plain)
     # A plain model that makes up for a lag is damped more than the file's, too stiff for a long step.
-    coarse = all(np.all(np.isfinite(y)) for y in problem.engine.run(plain, coarse=True, finer=finer))
+    coarse = all(np.all(np.isfinite(y)) for y in integration.run(plain, coarse=True))
     for first in range(0, len(changes), BATCH):
         tell(first / len(changes))
         batch = changes[first : first + BATCH]
         run = [k for k, (effect, _) in enumerate(batch) if effect["kind"] not in ON_LENGTHS]
         probed = _runs(problem, fit, core, [batch[k][0] for k in run])
-        outputs = problem.engine.run([*plain, *probed], coarse=coarse, finer=finer)
+        outputs = integration.run([*plain, *probed], coarse=coarse)
         base, outputs = outputs[:count], outputs[count:]
         for k, (effect, size) in enumerate(batch):
             if k in run:
@@ -167,7 +167,7 @@ def probe(
 
 def _runs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, Any]]) -> list[Run]:
     """Runs of the probes on every log, probe by probe; pressures that act are computed beforehand."""
-    plain, camera = fit.model.runs(fit.x, problem.records, fit.states), fit.model.camera(fit.x)
+    plain = fit.model.runs(fit.x, fit.states)
     place = {str(Place.of_input(name)): j for j, name in enumerate(core["inputs"])}
     pressures = [
         PressureProbe(e["kind"], tuple(place[m] for m in members(e["where"], "input", core)), e["parameters"])
@@ -180,7 +180,8 @@ def _runs(problem: Problem, fit: Fit, core: Core, effects: Sequence[dict[str, An
         if _on_pressures(effect):
             runs += [replace(run, drive=run.record.driven_by(next(p))) for run, p in zip(plain, acting, strict=True)]
         else:
-            runs += runs_of(_probed(core, effect), problem.records, fit.states, camera)
+            arm = _probed(core, effect)
+            runs += [replace(run, arm=arm) for run in plain]
     return runs
 
 
@@ -212,13 +213,14 @@ def shapes_at(plan: KindPlan, where: str, fit: Fit, problem: Problem) -> list[di
 
 def head_path(fit: Fit, problem: Problem, section: int) -> Array:
     """Positions of a head under the fit, every tenth row, shape (rows, 3)."""
-    arm, camera = fit.model.arm(fit.x), fit.model.camera(fit.x)
     names_of_heads = names.position_names(section + 1)
     parts = []
-    for record, outputs in zip(problem.records, fit.outputs, strict=True):
+    for number, (record, outputs) in enumerate(zip(problem.records, fit.outputs, strict=True)):
+        arm, observation = fit.model.shown(fit.x, number)
+        assert arm is not None
         if all(name in record.channels for name in names_of_heads):
             seen = outputs[::10][:, [record.channels.index(name) for name in names_of_heads]]
-            parts.append(record.observation.seen_by(camera).camera.base_positions(seen))
+            parts.append(observation.camera.base_positions(seen))
         else:
             # All lengths are among the outputs where heads are not.
             table = outputs[::10][:, : len(record.observation.rows)] - record.observation.offsets

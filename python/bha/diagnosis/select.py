@@ -24,7 +24,7 @@ from bha.diagnosis.holdout import Holdout, Readings, share_brought
 from bha.diagnosis.places import members
 from bha.diagnosis.refit import Trial, bic, correlation_length, drop, refit, store, stored, without, without_idle
 from bha.diagnosis.screen import Scored, Screening, Signatures, score
-from bha.diagnosis.steps import resolved
+from bha.estimation.integration import resolved
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -345,8 +345,8 @@ def _refined(problem: Problem, holdout: Holdout, trial: Trial) -> Trial:
     name = f"refined {[c.name for c in trial.candidates]}"
     fit = trial.fit
     # What was found may be stiffer than what was expected.
-    model = resolved(problem.engine, problem.records, fit.model, fit.x, fit.states, problem.misfit(fit))
-    if model.finer != fit.model.finer:
+    model = resolved(fit.model, fit.x, fit.states, problem.misfit(fit))
+    if model.integration.finer != fit.model.integration.finer:
         fit = evaluate(problem, model, fit.x, fit.states, fit.trust)
     known = stored(problem, fit, name)
     fit = known or fit

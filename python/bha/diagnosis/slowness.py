@@ -24,12 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve
-from bha.diagnosis.model import Model, is_damping, number_of
+from bha.diagnosis.model import is_damping
 from bha.diagnosis.result import Alternative, Diagnosis, Effect, Number, SlowSection
 from bha.diagnosis.words import slow_in_words
 from bha.errors import BhaError, ConvergenceError
 from bha.estimation.apart import mean_pressures
+from bha.estimation.engine import Model
 from bha.estimation.lags import CommonTime, common_with
+from bha.estimation.terms import number_of
 from bha.parameters import paths
 
 if TYPE_CHECKING:
@@ -120,7 +122,7 @@ def better_way(problem: Problem, fit: Fit) -> Fit:
         if start is None or not np.isfinite(start.cost):
             continue
         try:
-            other = improve(problem, start, iterations=20, tolerance=2e-3, renewals=5)
+            other = improve(problem, start, iterations=20, tolerance=2e-3, renewals=5, limit=3.0)
         except ConvergenceError:
             continue
         best = min(best, other, key=lambda f: f.cost)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.signal import firwin
 
-from bha.diagnosis.noise import frequencies
+from bha.estimation.bands import frequencies
 from bha.estimation.records import Record
 
 Array = NDArray[np.float64]

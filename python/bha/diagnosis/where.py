@@ -1,7 +1,7 @@
 """Where a model's error sits: by channel, section and mode, time, frequency, region of q, q' and p, direction, motion.
 
 What: error over noise in every group, each with a p-value against the noise that respects correlation: the residual is
-white under a right model (:mod:`bha.diagnosis.noise`), so the mean square of blocks of white numbers is tested, and
+white under a right model (:mod:`bha.estimation.bands`), so the mean square of blocks of white numbers is tested, and
 groups are compared with the rest by a permutation of whole blocks.
 Convention: residual is measured less simulated; a *mode* is u, v (bends) or l (mean length) of a section, in m at the
 bellows' radius.
@@ -19,8 +19,8 @@ from scipy import stats
 from scipy.fft import dct
 
 from bha.diagnosis.fit import Problem
-from bha.diagnosis.noise import NoiseModel, frequencies
 from bha.diagnosis.result import plain
+from bha.estimation.bands import NoiseModel, frequencies
 from bha.parameters import Place
 from bha.recordings import Observation
 

@@ -22,16 +22,13 @@ from bha.diagnosis.baseline import (
     prepare_runs,
 )
 from bha.diagnosis.cache import Cache, key_of
-from bha.diagnosis.camera import with_camera
 from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import Thresholds, decide, gap_test, tolerant, without_faults
 from bha.diagnosis.describe import describe
-from bha.diagnosis.engine import Engine
-from bha.diagnosis.fit import Problem, evaluate, with_sensitivities
+from bha.diagnosis.fit import evaluate, whole_logs, with_sensitivities
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals
-from bha.diagnosis.model import Model, plain_model
-from bha.diagnosis.noise import Whitener
+from bha.diagnosis.model import plain_model
 from bha.diagnosis.preparation import (
     cut_to,
     from_rest,
@@ -48,11 +45,12 @@ from bha.diagnosis.result import Diagnosis
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.select import Rules, Search, search
 from bha.diagnosis.smoothing import smoothed
-from bha.diagnosis.start import first_state
-from bha.diagnosis.steady import start_scatter
 from bha.diagnosis.where import locate
 from bha.errors import InputError
-from bha.estimation.records import Record
+from bha.estimation.engine import Model
+from bha.estimation.records import Record, Window
+from bha.estimation.runs import Integration
+from bha.estimation.steady import start_scatter
 from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
@@ -119,18 +117,19 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     repeated = repeats(train)
     train, held = with_repeat_noise(train, repeated), with_repeat_noise(held, repeated)
     heads, lengths = _measured(train, arm)
-    model = with_camera(plain_model(arm), arm) if heads else plain_model(arm)
+    model = replace(plain_model(arm, camera=heads), integration=Integration(threads=threads))
     say("choosing the integration step")
-    prepared = prepare_runs(model, train, lambda step, method: Engine(step, threads, method=method, shares=(1.0,)))
-    engine = Engine(prepared.step, threads, prepared.coarse, method=prepared.method)
+    prepared = prepare_runs(model, train)
+    model = replace(model.on(prepared.records), integration=prepared.integration(threads))
     say("re-identifying the plain model")
     options = (commanded, seed, rules, prepared.step, kinds)
-    sensors = model.sensors and model.sensors.model_dump(mode="json")
-    cache = Cache(cache_folder, key_of(json.dumps([model.core, sensors]), [*train, *held], options))
+    sensors = arm.parameters.sensors if heads else None
+    inputs = json.dumps([model.core, sensors and sensors.model_dump(mode="json")])
+    cache = Cache(cache_folder, key_of(inputs, [*train, *held], options))
     scatter = start_scatter([*train, *held])
-    baseline = fit_baseline(model, prepared, engine, seed, cache, scatter)
-    problem, plain_fit, engine = baseline.problem, baseline.fit, baseline.problem.engine
-    holdout = _holdout(baseline, prepared, held, engine)
+    baseline = fit_baseline(model, prepared, seed, cache, scatter)
+    problem, plain_fit = baseline.problem, baseline.fit
+    holdout = _holdout(baseline, prepared, held)
     held = list(holdout.readings.records)
     first = Trial((), plain_fit, holdout)
     prediction = first.prediction
@@ -259,14 +258,13 @@ def _measured(records: Sequence[Record], arm: Arm) -> tuple[bool, bool]:
     return not all(lengths), any(lengths) and arm.parameters.has_standard_bellows
 
 
-def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record], engine: Engine) -> Holdout:
+def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record]) -> Holdout:
     factor = max(1, round(prepared.records[0].sample_time / min(r.sample_time for r in held)))
     records = tuple(thin(r, factor) for r in held)
-    model, x = baseline.fit.model, baseline.fit.x
-    arm, camera = model.arm(x), model.camera(x)
-    states = [first_state(arm, r.seen_by(camera), model.sections) for r in records]
+    model = baseline.fit.model.on(records)
+    states = model.guesses(baseline.fit.x, [Window(k, 0, len(r)) for k, r in enumerate(records)])
     readings = Readings(tuple(cut_to(r, t) for r, t in zip(held, records, strict=True)))
-    return Holdout(Problem(records, tuple(Whitener(r, baseline.noise) for r in records), engine), states, readings)
+    return Holdout(whole_logs(model, baseline.noise, list(states)), list(states), readings)
 
 
 def _held_out_noise(baseline: Baseline, holdout: Holdout, prediction: Prediction, seed: int) -> tuple[Array, float]:

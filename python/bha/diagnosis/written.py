@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from bha._core import __version__
 from bha.diagnosis.force_summary import FORCE_FILE, TABLE_FILE
-from bha.diagnosis.model import Model
+from bha.diagnosis.model import sensors_at
 from bha.diagnosis.result import Made, NextExperiment, SourceFile
 from bha.errors import FileError, InputError, way_out
+from bha.estimation.engine import Model
 from bha.parameters import paths
 from bha.support.files import check_target
 
@@ -103,7 +104,7 @@ def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
         )
     ]
     changes: dict[str, Any] = {"section": mapping["section"]}
-    if sensors := model.sensors_at(x):
+    if sensors := sensors_at(model, x):
         changes["sensors"] = _sensors_table(arm, sensors, outcome, references)
     if tables:
         changes["effect"] = [*mapping.get("effect", []), *tables]

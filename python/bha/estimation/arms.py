@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from bha import _core
 from bha.arm.variants import Variants
 from bha.errors import BhaError
 from bha.estimation.conditions import Condition, conditioned
+from bha.estimation.derived import described
 from bha.estimation.free import Coordinate, with_values
+from bha.estimation.terms import EffectTerm, tables_of
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
 
@@ -43,13 +46,15 @@ class Arms:
 
     Attributes:
         parameters: the arm at z = 0.
-        coordinates: what the values are of.
+        coordinates: what the values are of: numbers of the arm and of its sensors.
         cases: the cases.
+        effects: what is put beside the arm's own effects; their coordinates follow the others in z.
     """
 
     parameters: ArmParameters
     coordinates: tuple[Coordinate, ...]
     cases: tuple[Case, ...]
+    effects: tuple[EffectTerm, ...] = ()
 
     @cached_property
     def changed(self) -> dict[Condition, ArmParameters]:
@@ -64,6 +69,7 @@ class Arms:
     def _at(self) -> Callable[[bytes, int], tuple[_core.Arm | None, Observation]]:
         # Points that differ in what does not act on a case have the same arm, or the same outputs.
         acting = [tuple(c for c in self.coordinates if c.acts_on(case.condition.session)) for case in self.cases]
+        moving = [tuple(c for c in own if not paths.is_of_sensors(c.path)) for own in acting]
         changed = [self.changed[case.condition] for case in self.cases]
         on_outputs = [tuple(c for c in own if any(map(paths.acts_on_outputs, c.members))) for own in acting]
 
@@ -74,23 +80,38 @@ class Arms:
 
         @lru_cache(maxsize=1024)
         def at(point: bytes, case: int) -> tuple[_core.Arm | None, Observation]:
-            value = {c: c.value(float(x)) for c, x in zip(self.coordinates, np.frombuffer(point), strict=True)}
+            z = np.frombuffer(point)
+            value = {c: c.value(float(x)) for c, x in zip(self.coordinates, z, strict=False)}
+            numbers = [table["parameters"] for table in tables_of(self.effects, self.split(z)[1])]
             try:
-                variants = _variants(changed[case], acting[case], self.cases[case].commanded)
-                arm = variants.arm(np.array([value[c] for c in acting[case]]))
+                variants = _variants(changed[case], moving[case], self.cases[case].commanded, self.effects)
+                arm = variants.arm(np.array([value[c] for c in moving[case]]), numbers)
                 return arm, observation(case, tuple(value[c] for c in on_outputs[case]))
             except BhaError:
                 return None, self.cases[case].observation
 
         return at
 
+    def split(self, z: Array) -> tuple[Array, list[Array]]:
+        """Coordinates of the arm and its sensors, and those of each effect."""
+        ends = np.cumsum([len(self.coordinates), *(len(e.coordinates) for e in self.effects)])
+        return z[: ends[0]], [z[first:last] for first, last in pairwise(ends)]
+
 
 @lru_cache(maxsize=64)
-def _variants(parameters: ArmParameters, coordinates: tuple[Coordinate, ...], commanded: bool) -> Variants:
+def _variants(
+    parameters: ArmParameters,
+    coordinates: tuple[Coordinate, ...],
+    commanded: bool,
+    effects: tuple[EffectTerm, ...] = (),
+) -> Variants:
     """Arms by values of coordinates; measured pressures stand in the chambers already, so pneumatics go."""
+    if effects:
+        tables = tables_of(effects, [np.zeros(len(e.coordinates)) for e in effects])
+        return _variants(parameters, coordinates, commanded).beside(tables)
 
     def describe(values: Array) -> dict[str, Any]:
-        core = with_values(parameters, coordinates, values).to_core()
+        core = described(parameters, coordinates, values)
         return core if commanded else {key: entry for key, entry in core.items() if key != "pneumatics"}
 
     return Variants(describe, [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates])

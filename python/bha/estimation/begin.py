@@ -24,6 +24,7 @@ from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.lags import PATHS
 from bha.estimation.records import Record
+from bha.estimation.runs import Integration
 from bha.estimation.statics import Statics, fit_statics, refit_statics
 
 Array = NDArray[np.float64]
@@ -94,7 +95,7 @@ def begin(
     tell = tell or (lambda _text, _fraction: None)
     free = tuple(free)
     coordinates = resolve(arm.parameters, free)
-    model = Model(arm.parameters, coordinates, tuple(records), threads=threads)
+    model = Model(arm.parameters, coordinates, tuple(records), Integration(threads=threads))
     file = np.zeros(len(coordinates))
     tell("the file's own values", 0.0)
     own = trials(model, [file], whole=whole)[0]
@@ -107,7 +108,7 @@ def begin(
     if splits and lacks and (sections := _without_bending_stiffness(arm, found)):
         tell("held poses with an axial stiffness", 0.5)
         parameters, others = with_axial_stiffness(arm.parameters, free, sections)
-        other = replace(model, parameters=parameters, coordinates=resolve(parameters, others))
+        other = replace(model, parameters=parameters, plain=resolve(parameters, others))
         held = _searched(Arm(parameters), others, other, whole=whole, splits=splits)
         if held.tried[0].merit < found.tried[0].merit - _GAIN * channels:
             found = held
@@ -143,7 +144,7 @@ def _searched(arm: Arm, free: Sequence[FreeParameter | str], model: Model, *, wh
         parameters, more = with_bending_damping(arm.parameters, apart(arm.parameters, statics))
         free = (*free, *more)
         arm, coordinates = Arm(parameters), resolve(parameters, free)
-        model = replace(model, parameters=parameters, coordinates=coordinates)
+        model = replace(model, parameters=parameters, plain=coordinates)
     file = np.zeros(len(coordinates))
     points = [file, *valleys(coordinates, model, file, None)]
     if statics is not None:
@@ -182,7 +183,7 @@ def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found 
     """The best point with more free, from the best one without; None where it holds no poses."""
     assert found.statics is not None
     coordinates = resolve(asked.parameters, asked.free)
-    model = replace(model, parameters=asked.parameters, coordinates=coordinates)
+    model = replace(model, parameters=asked.parameters, plain=coordinates)
     z = np.concatenate([found.tried[0].z, np.zeros(len(coordinates) - len(found.coordinates))])
     statics = refit_statics(asked.parameters, coordinates, model.records, z, found.statics.lags)
     if statics is None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.estimation.initial import pose
+from bha.estimation.initial import pose_of
 from bha.estimation.noise import Linear, Noise, poses_along, ways_of
 from bha.estimation.noise_fit import (
     Found,
@@ -28,8 +28,9 @@ from bha.estimation.noise_fit import (
     is_dense,
     most_logged,
 )
+from bha.estimation.problem import Point, Problem
 from bha.estimation.records import Record
-from bha.estimation.solver import Outcome, Point, Problem, solve
+from bha.estimation.solver import Outcome, Policy, solve
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,7 @@ class Disturbed:
 
     def mean_square(self, record: int) -> Array:
         """Mean square of the innovations of each channel of a record, shape (C,): one where the noises are right."""
-        left = self.problem.left(self.outcome.point.z, self.outcome.point.states)
+        left = self.problem.evaluated(self.outcome.point.z, self.outcome.point.states).left
         assert left is not None
         own = [(w, values) for w, values in zip(self.problem.windows, left, strict=True) if w.record == record]
         rec = self.problem.model.records[record]
@@ -126,7 +127,8 @@ def fit_with_noise(
         filters = {piece.window: piece.filter(found.sizes) for piece in likelihood.pieces}
         problem = problem.rescaled(replace(problem.residuals, whitening=filters))
         before = outcome.point.z
-        outcome = solve(problem, outcome.point, max_iterations=max_iterations, tolerance=tolerance, progress=progress)
+        policy = Policy(max_iterations=max_iterations, tolerance=tolerance)
+        outcome = solve(problem, Point(outcome.point.z, outcome.point.states), policy, progress=progress)
         iterations += outcome.iterations
         moved = (outcome.point.z - before) / np.sqrt(np.diag(found.judged.covariance))
         if np.max(np.abs(moved), initial=0.0) < _SETTLED:
@@ -193,7 +195,7 @@ def _linears(arm: Arm, rec: Record, rows: slice, course: Array) -> tuple[tuple[L
     pressures = np.column_stack([np.interp(time, rec.drive.time, p) for p in rec.drive.pressures.T])
     # Poses that pressures hold, corrected by what the simulation shows, a few times a second.
     few = np.unique(np.linspace(0, len(time) - 1, 1 + int(_POSES_A_SECOND * (time[-1] - time[0]))).round().astype(int))
-    lengths = np.stack([pose(arm, rec, course[k], rec.noise, pressures[k]) for k in few])
+    lengths = np.stack([pose_of(arm, rec, course[k], rec.noise, pressures[k]) for k in few])
     every = np.column_stack([np.interp(time, time[few], column) for column in lengths.T])
     chosen, places = poses_along(every, _POSES)
     return tuple(Linear.of(arm, rec, every[k], pressures[k]) for k in chosen), places

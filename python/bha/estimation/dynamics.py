@@ -20,7 +20,7 @@ from bha.errors import BhaError
 from bha.estimation.apart import Rates
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate
-from bha.estimation.initial import guess_state
+from bha.estimation.integration import by
 from bha.estimation.lags import PATHS
 from bha.estimation.records import Window, some_of, windows
 from bha.parameters import paths
@@ -59,7 +59,8 @@ class Trial:
 
 def trials(model: Model, starts: Sequence[Array], *, whole: bool) -> list[Trial]:
     """Judge points by simulation over some windows, or over whole logs; in their order."""
-    thin = replace(model, records=tuple(rec.thinned(_INTERVAL) for rec in model.records), method="ros2", step=_STEP)
+    thin = replace(model, records=tuple(rec.thinned(_INTERVAL) for rec in model.records))
+    thin = by(thin, method="ros2", step=_STEP)
     pieces = windows(thin.records, None if whole else _WINDOW)
     pieces = pieces if whole else some_of(pieces, thin.records, _BUDGET)
     states = [_states(thin, z, pieces) for z in starts]
@@ -155,11 +156,7 @@ def _within(coordinates: Sequence[Coordinate], point: Array) -> Array:
 def _states(model: Model, z: Array, pieces: Sequence[Window]) -> Array | None:
     """Initial states of the windows as they were measured, shape (windows, 6n); None where no arm has such values."""
     try:
-        arms = {condition: model.arm(z, condition) for condition in {rec.condition for rec in model.records}}
-        records = [model.records[w.record] for w in pieces]
-        return np.stack(
-            [guess_state(arms[rec.condition], rec, w.first) for rec, w in zip(records, pieces, strict=True)]
-        )
+        return model.guesses(z, pieces)
     except BhaError:
         return None
 

@@ -1,147 +1,301 @@
-"""Predictions of many parameter sets over many windows, and their derivatives, in one batch of simulations.
+"""The model that is fitted: an arm at some coordinates with its effects and sensors, shown on records.
 
-Derivatives are forward differences over the batch: the step is fixed, so
-that a prediction is a smooth function of parameters and initial state and the differences are good to about 1e-6 of the
-derivative.
+What: every number that may change is a :class:`bha.estimation.free.Coordinate`; those of the arm and of its sensors
+first, then those of the effects that are tried beside what the arm has. At a point z the model says which arm a log
+sees (its session and known changes count) and how its outputs follow, and simulates them.
+Derivatives are forward differences over one batch: the step is fixed, so that a prediction is a smooth function of
+parameters and initial state and the differences are good to about 1e-6 of the derivative.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bha import _core
 from bha.arm import Arm
+from bha.arm.variants import with_effects
 from bha.errors import ConvergenceError
 from bha.estimation.arms import Arms, Case
 from bha.estimation.conditions import Condition, check_apart
+from bha.estimation.derived import Core, core_of, described
 from bha.estimation.free import Coordinate, apply
+from bha.estimation.initial import guess_state
 from bha.estimation.records import Record, Window
-from bha.estimation.runs import Run, outputs
+from bha.estimation.runs import BATCH_VALUES, Integration, Run
+from bha.estimation.terms import EffectTerm, tables_of
 from bha.parameters import ArmParameters
+from bha.recordings import Observation
 from bha.recordings.outputs import longest_sensor_delay
-from bha.runs.options import Method
 
 Array = NDArray[np.float64]
 
-#: Difference of a parameter's coordinate z, of an initial length (m) and of an initial rate (m/s).
-PARAMETER_STEP = 1e-5
-LENGTH_STEP = 1e-6
-RATE_STEP = 1e-5
-#: Steps of the fixed-step integrator that are tried, from coarse to fine, s.
-STEPS = (0.02, 0.01, 0.005, 0.0025, 0.00125, 0.0006)
-#: Numbers a batch may hold at once.
-_BATCH_VALUES = 60_000_000
+#: Outputs by parameters and by initial states of a window: what is shown (rows, C), by z (..., p), by state (..., 6n).
+Linearized = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Differences:
+    """How derivatives are taken.
+
+    Attributes:
+        parameter: difference of a parameter's coordinate z.
+        length: of an initial length, m.
+        rate: of an initial rate, m/s.
+        memory: time after which an arm has forgotten how it began, s: derivatives by initial states end there.
+        lenient: whether a run that fails tells nothing, instead of being an error.
+    """
+
+    parameter: float = 1e-5
+    length: float = 1e-6
+    rate: float = 1e-5
+    memory: float = np.inf
+    lenient: bool = False
+
+
+@dataclass(frozen=True)
+class Near:
+    """What a coarse step must show for differences between its runs to mean something.
+
+    Attributes:
+        outputs: what the fine step shows, per window (rows, C).
+        error: greatest root mean square difference to it.
+    """
+
+    outputs: tuple[Array, ...]
+    error: float
 
 
 @dataclass(frozen=True)
 class Model:
-    """An arm with free parameters and records to compare it with: a function from (z, initial states) to predictions.
+    """An arm in coordinates with records to show it on: a function from (z, initial states) to outputs.
 
     Attributes:
         parameters: the arm at z = 0 (but for starts that differ from it).
-        coordinates: the free parameters.
+        plain: the coordinates of the arm and of its sensors.
         records: what it is compared with.
-        step: step of the integrator, s.
-        method: the integrator, ``"rk4"`` or, for arms whose damping makes them stiff, ``"ros2"``.
-        threads: threads of the batch; all cores if None.
+        integration: how runs are integrated.
+        effects: what is tried beside the arm's own effects; their coordinates follow the plain ones in z.
+        differences: how derivatives are taken.
     """
 
     parameters: ArmParameters
-    coordinates: tuple[Coordinate, ...]
-    records: tuple[Record, ...]
-    step: float = 2.5e-3
-    method: Method = "rk4"
-    threads: int | None = None
+    plain: tuple[Coordinate, ...]
+    records: tuple[Record, ...] = ()
+    integration: Integration = field(default_factory=Integration)
+    effects: tuple[EffectTerm, ...] = ()
+    differences: Differences = field(default_factory=Differences)
 
     def __post_init__(self) -> None:
         """Refuse numbers that are both known and free."""
-        check_apart(self.coordinates, (rec.condition for rec in self.records))
+        check_apart(self.plain, (rec.condition for rec in self.records))
+
+    @cached_property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """All of them, in the order of z."""
+        return (*self.plain, *(c for effect in self.effects for c in effect.coordinates))
+
+    @property
+    def size(self) -> int:
+        """Length of z."""
+        return len(self.coordinates)
+
+    @property
+    def sections(self) -> int:
+        """Number of sections."""
+        return len(self.parameters.sections)
+
+    def on(self, records: Sequence[Record]) -> Model:
+        """The same model, shown on other records."""
+        return self if tuple(records) == self.records else replace(self, records=tuple(records))
+
+    def with_effects(self, effects: Sequence[EffectTerm]) -> Model:
+        """The same plain arm with other effects."""
+        return replace(self, effects=tuple(effects))
+
+    def place(self, number: int) -> slice:
+        """Where the coordinates of one effect stand in z."""
+        first = len(self.plain) + sum(len(e.coordinates) for e in self.effects[:number])
+        return slice(first, first + len(self.effects[number].coordinates))
+
+    def split(self, z: Array) -> tuple[Array, list[Array]]:
+        """Plain coordinates, and those of each effect."""
+        return self._arms.split(z)
+
+    def values(self, z: Array) -> dict[str, float]:
+        """All values by name."""
+        return {c.name: c.value(float(v)) for c, v in zip(self.coordinates, z, strict=True)}
+
+    @cached_property
+    def core(self) -> Core:
+        """The core's description of the arm as its file has it."""
+        return core_of(self.parameters)
+
+    def description(self, z: Array) -> Core:
+        """The core's description of the arm at z, effects included, as a log without session and changes sees it."""
+        plain, parts = self.split(z)
+        values = [c.value(float(v)) for c, v in zip(self.plain, plain, strict=True)]
+        core = described(self.parameters, self.plain, values)
+        return dict(with_effects(core, tables_of(self.effects, parts)))
 
     def arm(self, z: Array, condition: Condition = Condition()) -> Arm:  # noqa: B008  (frozen)
-        """The arm at ``z``, as logs of a condition see it.
+        """The arm at z with its parameters, as logs of a condition see it; for coordinates of the file alone.
 
         Raises:
             ParameterError: values that no arm can have.
         """
+        assert not self.effects
+        assert all(c.members for c in self.plain)
         changed = self._arms.changed.get(condition)
         parameters = condition.applied(self.parameters) if changed is None else changed
-        return Arm(apply(parameters, self.coordinates, z, condition.session))
+        return Arm(apply(parameters, self.plain, z, condition.session))
+
+    def shown(self, z: Array, record: int) -> tuple[_core.Arm | None, Observation]:
+        """The arm at z that a record sees, None where no arm has the values, and the outputs as that shows them."""
+        return self._arms.at(z, record)
+
+    def run(self, z: Array, window: Window, state: Array) -> Run:
+        """The run of a window at z; without an arm where the parameters are not allowed."""
+        arm, observation = self.shown(z, window.record)
+        rec = self.records[window.record]
+        return Run(arm, observation, rec, state, window.first, window.last, lead=self._lead)
+
+    def runs(self, z: Array, states: Sequence[Array] | Array, rows: Sequence[int] | None = None) -> list[Run]:
+        """A run at z on each record, over all its rows or so many."""
+        last = [len(rec) for rec in self.records] if rows is None else rows
+        windows = [Window(k, 0, end) for k, end in enumerate(last)]
+        return [self.run(z, window, state) for window, state in zip(windows, states, strict=True)]
+
+    def guesses(self, z: Array, windows: Sequence[Window]) -> Array:
+        """Initial states of windows as the measurements around their starts have them, shape (windows, 6n).
+
+        Raises:
+            ConvergenceError: no arm has the values.
+        """
+        found = []
+        for window in windows:
+            arm, observation = self.shown(z, window.record)
+            if arm is None:
+                raise ConvergenceError("no arm has the values at which initial states are wanted")
+            rec = self.records[window.record]
+            found.append(guess_state(arm, self.parameters, observation, rec, window.first))
+        return np.stack(found)
 
     def predict(self, z: Array, windows: Sequence[Window], states: Array) -> list[Array]:
         """Predicted channels of each window, shapes (rows, C); NaN from where a simulation failed.
 
         Args:
-            z: coordinates of the free parameters, shape (p,).
+            z: coordinates, shape (p,).
             windows: the windows.
             states: initial lengths and rates of each, shape (windows, 6n).
         """
-        runs = [self._at(z, w, state) for w, state in zip(windows, states, strict=True)]
-        return self._outputs(runs)
+        return self.integration.run([self.run(z, w, state) for w, state in zip(windows, states, strict=True)])
 
     def predict_each(self, points: Sequence[tuple[Array, Array]], windows: Sequence[Window]) -> list[list[Array]]:
         """As :meth:`predict` for several points (z, initial states) abreast."""
-        runs = [self._at(z, w, own) for z, states in points for w, own in zip(windows, states, strict=True)]
-        shown = iter(self._outputs(runs))
+        runs = [self.run(z, w, own) for z, states in points for w, own in zip(windows, states, strict=True)]
+        shown = iter(self.integration.run(runs))
         return [[next(shown) for _ in windows] for _ in points]
 
-    def linearize(self, z: Array, windows: Sequence[Window], states: Array) -> Iterator[tuple[Array, Array, Array]]:
+    def linearize(
+        self,
+        z: Array,
+        windows: Sequence[Window],
+        states: Array,
+        *,
+        which: Sequence[int] | None = None,
+        by_states: bool = True,
+        near: Near | None = None,
+    ) -> Iterator[Linearized]:
         """Per window the prediction (rows, C), its derivative by z (rows, C, p) and by the initial state (rows, C, 6n).
 
         Windows come one after the other, so that a long log's derivatives need not be in memory all at once.
 
+        Args:
+            z: coordinates, shape (p,).
+            windows: the windows.
+            states: initial states of each, shape (windows, 6n).
+            which: coordinates by which derivatives are taken; all if None.
+            by_states: whether they are taken by initial states too; else none of those are there.
+            near: where the coarse step may be taken.
+
         Raises:
-            ConvergenceError: a simulation at ``z`` itself fails.
+            ConvergenceError: a simulation at z itself fails.
         """
-        p, n = len(z), states.shape[1]
-        moved = [self._moved(k, z) for k in range(p)]
-        steps = np.where(np.arange(n) < n // 2, LENGTH_STEP, RATE_STEP)
-        for chunk in self._chunks(windows, 1 + p + n):
+        moved = [self._moved(k, z) for k in (range(len(z)) if which is None else which)]
+        acting = [[self.coordinates[k].acts_on(rec.session) for k, _, _ in moved] for rec in self.records]
+        n = states.shape[1] if by_states else 0
+        steps = np.where(np.arange(n) < n // 2, self.differences.length, self.differences.rate)
+        for chunk in self._chunks(windows, 1 + len(moved) + n):
             runs: list[Run] = []
             for w in chunk:
-                base = self._at(z, windows[w], states[w])
+                window = windows[w]
+                base = self.run(z, window, states[w])
                 if base.arm is None:
                     raise ConvergenceError("the model cannot be linearized where its parameters are not allowed")
                 runs.append(base)
-                session = base.record.session
-                for k, (changed, _) in enumerate(moved):
-                    if self.coordinates[k].acts_on(session):
-                        runs.append(self._at(changed, windows[w], states[w]))
-                        if runs[-1].arm is None:
+                for (k, changed, _), acts in zip(moved, acting[window.record], strict=True):
+                    if acts:
+                        runs.append(self.run(changed, window, states[w]))
+                        if runs[-1].arm is None and not self.differences.lenient:
                             name = self.coordinates[k].name
                             raise ConvergenceError(f"{name}: no derivative at the edge of what is allowed")
-                runs += [replace(base, state=states[w] + h * e) for h, e in zip(steps, np.eye(n), strict=True)]
-            outputs = iter(self._outputs(runs))
+                last = self._remembered(window)
+                shifted = states[w] + np.diag(steps) if n else ()
+                runs += [replace(base, state=state, last=last) for state in shifted]
+            found = iter(self._abreast(runs, chunk, near))
             for w in chunk:
-                session = self.records[windows[w].record].session
-                center = next(outputs)
-                by_z = np.zeros((*center.shape, p))
-                for k, (_, h) in enumerate(moved):
-                    if self.coordinates[k].acts_on(session):
-                        by_z[..., k] = (next(outputs) - center) / h
-                by_state = np.stack([(next(outputs) - center) / h for h in steps], axis=-1)
+                center = next(found)
+                by_z = np.zeros((*center.shape, len(moved)))
+                for place, ((_, _, h), acts) in enumerate(zip(moved, acting[windows[w].record], strict=True)):
+                    if acts:
+                        by_z[..., place] = (next(found) - center) / h
+                by_state = np.zeros((*center.shape, n))
+                for place, h in enumerate(steps):
+                    table = next(found)
+                    by_state[: len(table), :, place] = (table - center[: len(table)]) / h
+                if self.differences.lenient:
+                    by_z, by_state = np.nan_to_num(by_z), np.nan_to_num(by_state)
                 yield center, by_z, by_state
 
-    def _moved(self, k: int, z: Array) -> tuple[Array, float]:
-        """The point with one coordinate moved, on the side on which it stays within its bounds, and by how much."""
+    def _abreast(self, runs: Sequence[Run], chunk: Sequence[int], near: Near | None) -> list[Array]:
+        """Outputs of runs, the first of each window at z itself, all at one step: their differences are wanted."""
+        if near is not None and self.integration.coarse is not None:
+            found = self.integration.run(runs, coarse=True)
+            base, wanted = _first_of_each(runs, found), [near.outputs[w] for w in chunk]
+            if root_mean_square(base, wanted) <= near.error:
+                return found
+        return self.integration.run(runs)
+
+    def _remembered(self, window: Window) -> int:
+        """The row of a window after which its initial state is forgotten."""
+        if not np.isfinite(self.differences.memory):
+            return window.last
+        time = self.records[window.record].time
+        return min(int(np.searchsorted(time, time[window.first] + self.differences.memory)) + 1, window.last)
+
+    def _moved(self, k: int, z: Array) -> tuple[int, Array, float]:
+        """A coordinate, the point with it moved on the side on which it stays within its bounds, and by how much."""
+        step = self.differences.parameter
         _, upper = self.coordinates[k].bounds
-        h = -PARAMETER_STEP if z[k] + PARAMETER_STEP > upper else PARAMETER_STEP
+        h = -step if z[k] + step > upper else step
         changed = z.copy()
         changed[k] += h
-        return changed, h
+        return k, changed, h
 
     def _chunks(self, windows: Sequence[Window], members: int) -> list[list[int]]:
         """Windows in groups whose predictions fit into memory; windows of like length together."""
-        n = 6 * len(self.parameters.sections)
+        n = 6 * self.sections
         chunks: list[list[int]] = [[]]
         longest = 0
         for k, window in enumerate(windows):
             rows = self._grid_rows(window)
             longest = max(longest, rows)
-            if chunks[-1] and (len(chunks[-1]) + 1) * members * longest * n > _BATCH_VALUES:
+            if chunks[-1] and (len(chunks[-1]) + 1) * members * longest * n > BATCH_VALUES:
                 chunks.append([])
                 longest = rows
             chunks[-1].append(k)
@@ -149,16 +303,7 @@ class Model:
 
     def _grid_rows(self, window: Window) -> int:
         time = self.records[window.record].time
-        return int((time[window.last - 1] - time[window.first]) / self.step) + 2
-
-    def _at(self, z: Array, window: Window, state: Array) -> Run:
-        """The run of a window at ``z``; without an arm where the parameters are not allowed."""
-        rec = self.records[window.record]
-        arm, observation = self._arms.at(z, window.record)
-        return Run(arm, observation, rec, state, window.first, window.last, lead=self._lead)
-
-    def _outputs(self, runs: Sequence[Run]) -> list[Array]:
-        return outputs(runs, self.step, method=self.method, threads=self.threads)
+        return int((time[window.last - 1] - time[window.first]) / self.integration.length()) + 2
 
     @cached_property
     def _lead(self) -> float:
@@ -168,4 +313,17 @@ class Model:
     @cached_property
     def _arms(self) -> Arms:
         cases = (Case(rec.condition, rec.observation, rec.drive.commanded) for rec in self.records)
-        return Arms(self.parameters, self.coordinates, tuple(cases))
+        return Arms(self.parameters, self.plain, tuple(cases), self.effects)
+
+
+def root_mean_square(first: Sequence[Array], second: Sequence[Array]) -> float:
+    """Root mean square difference of the outputs of two sets of runs; NaN where one failed."""
+    return float(np.sqrt(np.mean([np.mean((a - b) ** 2) for a, b in zip(first, second, strict=True)])))
+
+
+def _first_of_each(runs: Sequence[Run], found: Sequence[Array]) -> list[Array]:
+    """What the first run of each stretch of a record shows."""
+    seen: dict[tuple[int, int], Array] = {}
+    for run, table in zip(runs, found, strict=True):
+        seen.setdefault(run.log, table)
+    return list(seen.values())

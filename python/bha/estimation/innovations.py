@@ -46,7 +46,7 @@ class Whitening(Protocol):
     """Takes the residuals of a window, and what is linear in them, to numbers that a right model leaves white."""
 
     def __call__(self, values: Array) -> Array:
-        """White rows of ``values`` (rows, C, ...), in the shape of ``values``; zero where nothing was read."""
+        """White rows of ``values`` (rows, C, ...), zero where nothing was read: as many rows, or fewer, (r, C, ...)."""
         ...
 
 

@@ -15,19 +15,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.errors import ConvergenceError
-from bha.estimation.engine import STEPS, Model
-from bha.estimation.records import Window
-from bha.estimation.solver import Point, Problem
+from bha.estimation.engine import Model, root_mean_square
+from bha.estimation.problem import Point, Problem
+from bha.estimation.records import Record, Window
+from bha.estimation.runs import Integration
 from bha.runs.options import Method
 
 Array = NDArray[np.float64]
 
+#: Steps of the fixed-step integrator that are tried, from coarse to fine, s.
+STEPS = (0.02, 0.01, 0.005, 0.0025, 0.00125, 0.0006)
 #: Error of the integrator that is allowed, in sensor noises and in what the model leaves (median).
 _NOISE_SHARE = 0.1
 _RESIDUAL_SHARE = 0.01
 #: A classical step as long as this is not worth comparing with the implicit method, s.
 _GOOD_STEP = 2.5e-3
 _WINDOWS = 4
+#: Greatest share of the noise that the integration's error may have.
+STEP_ERROR_SHARE = 0.15
+#: The same for runs of which only differences are wanted.
+COARSE_ERROR_SHARE = 1.0
+#: The same for a candidate: many are tried, and the error is alike in all runs that are compared.
+CANDIDATE_ERROR_SHARE = 0.5
+#: Where a model errs by more than this times the noise, the integration may err by these shares of that, the second
+#: where only differences are wanted: no effect of the catalogue brings it down to the noise.
+FAR_OFF, MISFIT_SHARE, COARSE_MISFIT_SHARE = 100.0, 1.0 / 100.0, 1.0 / 10.0
+#: Divisors of the step that are tried for a candidate.
+DIVISORS = (1, 2, 4)
+#: Part of each log on which a step is checked, s.
+CHECKED_TIME = 6.0
 
 
 def choose_integration(
@@ -40,10 +56,10 @@ def choose_integration(
     """
     chosen = np.unique(np.linspace(0, len(pieces) - 1, min(_WINDOWS, len(pieces))).astype(int))
     some, their = [pieces[k] for k in chosen], states[chosen]
-    explicit = None if methods == "ros2" else _longest(replace(model, method="rk4"), z, some, their)
+    explicit = None if methods == "ros2" else _longest(by(model, method="rk4"), z, some, their)
     if explicit is not None and explicit >= _GOOD_STEP:
-        return replace(model, method="rk4", step=explicit)
-    implicit = None if methods == "rk4" else _longest(replace(model, method="ros2"), z, some, their)
+        return by(model, method="rk4", step=explicit)
+    implicit = None if methods == "rk4" else _longest(by(model, method="ros2"), z, some, their)
     candidates: tuple[tuple[Method, float | None], ...] = (("rk4", explicit), ("ros2", implicit))
     found: list[tuple[float, Method, float]] = []
     for method, step in candidates:
@@ -52,7 +68,13 @@ def choose_integration(
     if not found:
         return _fallback(model, z, some, their)
     _, method, step = min(found)
-    return replace(model, method=method, step=step)
+    return by(model, method=method, step=step)
+
+
+def by(model: Model, *, method: Method | None = None, step: float | None = None) -> Model:
+    """The model with another integrator, or another step of it, s."""
+    own = model.integration
+    return replace(model, integration=replace(own, method=method or own.method, step=step or own.step))
 
 
 def evaluations(method: str, unknowns: int) -> int:
@@ -64,7 +86,7 @@ def too_coarse(problem: Problem, point: Point) -> bool:
     """Whether halving the step changes predictions by more than twice what is allowed."""
     model = problem.model
     coarse = model.predict(point.z, problem.windows, point.states)
-    fine = replace(model, step=model.step / 2).predict(point.z, problem.windows, point.states)
+    fine = by(model, step=model.integration.step / 2).predict(point.z, problem.windows, point.states)
     return _excess(model, problem.windows, coarse, fine) > 2.0
 
 
@@ -73,7 +95,7 @@ def _longest(model: Model, z: Array, some: Sequence[Window], states: Array) -> f
     coarse: list[Array] | None = None
     previous = STEPS[0]
     for step in (*STEPS, STEPS[-1] / 2):
-        fine = replace(model, step=step).predict(z, some, states)
+        fine = by(model, step=step).predict(z, some, states)
         if coarse is not None and _excess(model, some, coarse, fine) < 1.0:
             return previous
         coarse, previous = fine, step
@@ -102,7 +124,7 @@ def _fallback(model: Model, z: Array, some: Sequence[Window], states: Array) -> 
     """
     methods: tuple[Method, ...] = ("rk4", "ros2")
     for method in methods:
-        finest = replace(model, method=method, step=STEPS[-1] / 2)
+        finest = by(model, method=method, step=STEPS[-1] / 2)
         predicted = finest.predict(z, some, states)
         failed = [k for k, p in enumerate(predicted) if not np.all(np.isfinite(p))]
         if not failed:
@@ -113,3 +135,40 @@ def _fallback(model: Model, z: Array, some: Sequence[Window], states: Array) -> 
         f"{rec.name}: the simulation with the starting values fails between {rec.time[window.first]:g} and "
         f"{rec.time[window.last - 1]:g} s with every step tried; start from values nearer to the arm's"
     )
+
+
+def noise_of(records: Sequence[Record]) -> float:
+    """A typical error of a right model, m: noise of the outputs, and what the arm does otherwise each time."""
+    return float(np.median([np.median(np.maximum(r.noise, r.repeat_noise)) for r in records]))
+
+
+def checked_rows(record: Record) -> int:
+    """Rows of a log on which a step is checked."""
+    return min(len(record.rows), int(CHECKED_TIME / record.sample_time))
+
+
+def far_apart(records: Sequence[Record], first: Sequence[Array], second: Sequence[Array], share: float) -> bool:
+    """Whether two sets of runs differ by more than ``share`` of the noise, or one of them diverged."""
+    return not root_mean_square(first, second) <= share * noise_of(records)
+
+
+def allowed(share: float, far_off: float, misfit: float) -> float:
+    """Greatest error over the noise: ``share``, or that share ``far_off`` of a model's ``misfit`` where it is large."""
+    return max(share, far_off * misfit) if FAR_OFF < misfit < np.inf else share
+
+
+def resolved(model: Model, x: Array, states: Sequence[Array], misfit: float) -> Model:
+    """``model`` with the coarsest step that its effects at ``x`` allow; ``misfit`` as for :func:`allowed`."""
+    records = model.records
+    share = allowed(CANDIDATE_ERROR_SHARE, MISFIT_SHARE, misfit)
+    runs = model.runs(x, states, [checked_rows(r) for r in records])
+
+    def with_divisor(finer: int) -> Integration:
+        return replace(model.integration, finer=finer)
+
+    found = {1: with_divisor(1).once().run(runs)}
+    for finer in DIVISORS[:-1]:
+        found[2 * finer] = with_divisor(2 * finer).once().run(runs)
+        if not far_apart(records, found[finer], found[2 * finer], share):
+            return replace(model, integration=with_divisor(max(finer, model.integration.finer)))
+    return replace(model, integration=with_divisor(DIVISORS[-1]))

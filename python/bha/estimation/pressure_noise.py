@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
-from bha.estimation.solver import Normal, Point, Problem
+from bha.estimation.problem import Normal, Point, Problem
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +26,6 @@ from bha.recordings.clock import later
 from bha.recordings.doubt import Doubt
 from bha.runs.input import Input
 from bha.support.shown import short_repr
-
-if TYPE_CHECKING:
-    from bha.arm.geometry import CameraFrame
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -137,10 +133,6 @@ class Record:
     def driven_by(self, pressures: Array) -> Input:
         """What drives the arm with other pressures, Pa absolute, shape (samples, inputs)."""
         return replace(self.drive, pressures=pressures)
-
-    def seen_by(self, camera: CameraFrame | None) -> Record:
-        """The same log, its heads measured in another frame; as it is for None."""
-        return self if camera is None else replace(self, observation=self.observation.seen_by(camera))
 
     def kept(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Record:
         """The same record with some of its rows; what drives the arm keeps all its samples."""

@@ -23,12 +23,13 @@ from bha.estimation.conditions import Condition
 from bha.estimation.disturbed import Disturbed, fit_with_noise
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
-from bha.estimation.initial import guess_state
-from bha.estimation.integration import choose_integration, too_coarse
+from bha.estimation.integration import by, choose_integration, too_coarse
 from bha.estimation.pace import Pace, Progress
 from bha.estimation.pressure_noise import PAIRS, Corrected, corrected, is_noisy, uncorrected
+from bha.estimation.problem import HUBER, STATE_DEVIATION, Normal, Point, Problem, Residuals
 from bha.estimation.records import Record, Window, some_of, windows
-from bha.estimation.solver import HUBER, STATE_DEVIATION, Interrupted, Normal, Outcome, Point, Problem, Residuals, solve
+from bha.estimation.runs import Integration
+from bha.estimation.solver import Interrupted, Outcome, Policy, solve
 from bha.estimation.uncertainty import Uncertainty, uncertainty
 from bha.runs.options import Method
 from bha.support.shown import short_repr
@@ -185,7 +186,7 @@ def refine(
     if settings.windows is None:
         settings = replace(settings, windows=(6.0, None) if remembers(arm, records) else (0.75, 6.0))
     coordinates = resolve(arm.parameters, free)
-    model = Model(arm.parameters, coordinates, tuple(records), threads=settings.threads)
+    model = Model(arm.parameters, coordinates, tuple(records), Integration(threads=settings.threads))
     mean, deviation = (np.array(v) for v in zip(*[c.prior for c in coordinates], strict=True))
     stages = _stages(settings)
     pace = _pace(model, stages, settings, progress or (lambda _text, _fraction: None))
@@ -355,9 +356,9 @@ def _integrated(
 ) -> Model:
     """The model with the integrator that the settings ask for, or the one that is accurate enough."""
     if settings.step is not None:
-        return replace(model, method=settings.method or "rk4", step=settings.step)
+        return by(model, method=settings.method or "rk4", step=settings.step)
     chosen = choose_integration(model, z, problem.windows, states, methods=settings.method)
-    return replace(chosen, step=chosen.step * (finer or 1.0))
+    return by(chosen, step=chosen.integration.step * (finer or 1.0))
 
 
 def remembers(arm: Arm, records: Sequence[Record]) -> bool:
@@ -413,16 +414,8 @@ def _stage_problem(
     if budget is not None:
         pieces = some_of(pieces, model.records, budget)
     residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber)
-    guesses = guess_states(model, z, pieces)
+    guesses = model.guesses(z, pieces)
     return Problem(model, tuple(pieces), residuals, guesses, prior, settings.state_deviation)
-
-
-def guess_states(model: Model, z: Array, pieces: Sequence[Window]) -> Array:
-    """Initial states of windows guessed from the measurements around their start, shape (windows, 6n)."""
-    arms = {rec.condition: model.arm(z, rec.condition) for rec in model.records}
-    return np.stack(
-        [guess_state(arms[model.records[w.record].condition], model.records[w.record], w.first) for w in pieces]
-    )
 
 
 def scales(problem: Problem, point: Point) -> Residuals:
@@ -462,14 +455,13 @@ def fit_with_scales(
         change = max(float(np.max(np.abs(np.log(a / b)))) for a, b in zip(problem.residuals.scale, before, strict=True))
         settled = change < _SETTLED or total > max_iterations // 2
         try:
-            outcome = solve(
-                problem,
-                outcome.point,
+            policy = Policy(
                 max_iterations=max_iterations - total if settled else min(3, max_iterations - total),
                 tolerance=tolerance if settled else 1e-2,
                 damping=damping,
-                progress=_shifted(progress, total),
             )
+            start = Point(outcome.point.z, outcome.point.states)
+            outcome = solve(problem, start, policy, progress=_shifted(progress, total))
         except Interrupted as stopped:
             raise Interrupted(replace(stopped.outcome, iterations=total + stopped.outcome.iterations)) from None
         total += max(1, outcome.iterations)

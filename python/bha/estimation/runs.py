@@ -9,8 +9,8 @@ rows are read (:mod:`bha.estimation.grid`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from bha.simulation.batch import run_members
 Array = NDArray[np.float64]
 
 #: Numbers a batch may hold at once.
-_BATCH_VALUES = 60_000_000
+BATCH_VALUES = 60_000_000
 #: Distances of outputs are steps but for rounding: the integrator's step is longer by this part.
 _SLACK = 1e-5
 
@@ -61,6 +61,11 @@ class Run:
         return self.arm is not None and bool(np.all(np.isfinite(self.state)))
 
     @property
+    def log(self) -> tuple[int, int]:
+        """Runs with the same one begin together."""
+        return id(self.record), self.first
+
+    @property
     def stretch(self) -> tuple[int, int, int, float]:
         """Runs with the same one have the same rows."""
         return id(self.record), self.first, self.end, self.lead
@@ -80,33 +85,60 @@ class Run:
         return np.full((self.end - self.first, len(self.observation.outputs)), np.nan)
 
 
-def outputs(
-    runs: Sequence[Run],
-    step: float,
-    *,
-    method: Method = "rk4",
-    threads: int | None = None,
-    tell: Callable[[int], None] | None = None,
-) -> list[Array]:
-    """The outputs of each run at its rows, each (rows, C); NaN from where a run fails.
+@dataclass(frozen=True)
+class Integration:
+    """How runs are integrated: with one fixed step, so that what they show is a smooth function of all values.
 
-    Args:
-        runs: what to simulate.
+    Attributes:
         step: of the integrator, s.
-        method: the integrator.
-        threads: threads; all cores if None.
-        tell: called with the number of runs that are done, from time to time.
+        method: the integrator, ``"rk4"`` or, for arms whose damping makes them stiff, ``"ros2"``.
+        threads: of the batch; all cores if None.
+        coarse: step where only differences between runs are wanted, s, whose errors cancel to first order; ``step`` if
+            None.
+        finer: both are divided by this.
+        shares: of the step, tried in turn where a run fails: it was chosen for one arm, and an effect (quadratic
+            damping, a wall) may make a stiffer one of it. All runs of the same rows are repeated then, since their
+            differences only mean something at the same step.
     """
+
+    step: float = 2.5e-3
+    method: Method = "rk4"
+    threads: int | None = None
+    coarse: float | None = None
+    finer: int = 1
+    shares: tuple[float, ...] = (1.0,)
+
+    def once(self) -> Integration:
+        """The same, with runs that fail left as they are."""
+        return replace(self, shares=(1.0,))
+
+    def length(self, *, coarse: bool = False) -> float:
+        """The step, s."""
+        return (self.coarse if coarse and self.coarse is not None else self.step) / self.finer
+
+    def run(self, runs: Sequence[Run], *, coarse: bool = False) -> list[Array]:
+        """The outputs of each run at its rows, each (rows, C); NaN from where a run fails."""
+        found: list[Array] = [run.nothing() for run in runs]
+        left = list(range(len(runs)))
+        for share in self.shares:
+            step = share * self.length(coarse=coarse)
+            for k, table in zip(left, outputs([runs[k] for k in left], step, self.method, self.threads), strict=True):
+                found[k] = table
+            failed = {runs[k].log for k in left if runs[k].possible and not np.all(np.isfinite(found[k][-1]))}
+            left = [k for k in left if runs[k].log in failed]
+            if not left:
+                break
+        return found
+
+
+def outputs(runs: Sequence[Run], step: float, method: Method = "rk4", threads: int | None = None) -> list[Array]:
+    """The outputs of each run at its rows, each (rows, C), with one step, s; NaN from where a run fails."""
     possible = [k for k, run in enumerate(runs) if run.possible]
     found: list[Array | None] = [None] * len(runs)
     for chunk in _chunks([(k, runs[k]) for k in possible], step):
         shown = _together([runs[k] for k in chunk], step, method, threads)
         for k, table in zip(chunk, shown, strict=True):
             found[k] = table
-        if tell is not None:
-            tell(len(chunk))
-    if tell is not None and len(possible) < len(runs):
-        tell(len(runs) - len(possible))
     return [run.nothing() if table is None else table for run, table in zip(runs, found, strict=True)]
 
 
@@ -117,7 +149,7 @@ def _chunks(runs: Sequence[tuple[int, Run]], step: float) -> Iterator[list[int]]
     for k, run in sorted(runs, key=lambda entry: _length(entry[1], step)):
         longest = _length(run, step)
         # Lengths and positions, as they are and as they are shown.
-        if chunk and (len(chunk) + 1) * longest * 2 * len(run.state) > _BATCH_VALUES:
+        if chunk and (len(chunk) + 1) * longest * 2 * len(run.state) > BATCH_VALUES:
             yield chunk
             chunk = []
         chunk.append(k)

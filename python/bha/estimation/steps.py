@@ -7,8 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 Array = NDArray[np.float64]
+
+#: What keeps a matrix from being singular, in units of its diagonal.
+_RIDGE = 1e-13
 
 
 def huber_loss(residuals: Array, constant: float) -> float:
@@ -21,7 +26,7 @@ def huber_loss(residuals: Array, constant: float) -> float:
 
 
 def bounded_step(h: Array, g: Array, low: Array, high: Array) -> Array:
-    """The step with h step = g; unknowns that would leave ``low`` to ``high`` are put there, the rest solved for.
+    """The step with h step = g; where it would leave ``low`` to ``high`` the best one within these.
 
     Args:
         h: symmetric matrix, shape (p, p).
@@ -29,6 +34,29 @@ def bounded_step(h: Array, g: Array, low: Array, high: Array) -> Array:
         low: least step of each unknown, shape (p,).
         high: greatest step.
     """
+    step = _solve_symmetric(h, g)
+    if np.all((step >= low) & (step <= high)):
+        return step
+    try:
+        return _within(h, g, np.minimum(low, 0.0), np.maximum(high, 0.0))
+    except np.linalg.LinAlgError:
+        return _one_after_the_other(h, g, low, high)
+
+
+def _within(h: Array, g: Array, low: Array, high: Array) -> Array:
+    """The minimum of the quadratic form within the bounds (Stark and Parker 1995); LinAlgError for a singular matrix.
+
+    A step that is cut off afterwards would leave the others where they make up for what is not allowed: the strengths
+    of a bank would be no least squares of what cannot be negative.
+    """
+    d = np.sqrt(np.maximum(np.diag(h), 1e-300))
+    factor = np.linalg.cholesky(h / np.outer(d, d) + _RIDGE * np.eye(len(d)))
+    right = solve_triangular(factor, g / d, lower=True)
+    return np.asarray(lsq_linear(factor.T, right, (low * d, high * d), method="bvls").x / d, dtype=np.float64)
+
+
+def _one_after_the_other(h: Array, g: Array, low: Array, high: Array) -> Array:
+    """Unknowns that would leave their bounds are put there, one after the other, and stay."""
     step = np.zeros_like(g)
     fixed = np.zeros(len(step), dtype=bool)
     for _ in range(len(step) + 1):

@@ -23,7 +23,7 @@ from bha.estimation.disturbed import Disturbed
 from bha.estimation.noise import redrawn_errors
 from bha.estimation.noise_fit import spread_of_sizes
 from bha.estimation.pressure_noise import Corrected
-from bha.estimation.solver import Normal, Point, Problem
+from bha.estimation.problem import Normal, Point, Problem
 
 Array = NDArray[np.float64]
 

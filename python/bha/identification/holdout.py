@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from bha import names
 from bha.arm import Arm
 from bha.errors import ConvergenceError
-from bha.estimation.engine import STEPS, Model
-from bha.estimation.initial import guess_state
-from bha.estimation.integration import choose_integration
+from bha.estimation.engine import Model
+from bha.estimation.integration import STEPS, by, choose_integration
+from bha.estimation.problem import Point, Problem, Residuals
 from bha.estimation.records import Record, Window
 from bha.estimation.refinement import scales
-from bha.estimation.solver import Point, Problem, Residuals, solve
+from bha.estimation.runs import Integration
+from bha.estimation.solver import Policy, solve
 from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
@@ -76,16 +77,16 @@ def predict(
 
 
 def _predict(arm: Arm, rec: Record, step: float | None, threads: int | None) -> Prediction:
-    model = Model(arm.parameters, (), (rec,), threads=threads)
+    model = Model(arm.parameters, (), (rec,), Integration(threads=threads))
     whole, none = [Window(0, 0, len(rec))], np.zeros(0)
-    states = guess_state(model.arm(none, rec.condition), rec, 0)[None]
+    states = model.guesses(none, whole)
     if step is not None:
-        model = replace(model, step=step)
+        model = by(model, step=step)
     else:
         try:
             model = choose_integration(model, none, whole, states)
         except ConvergenceError:
-            model = replace(model, step=STEPS[-1])
+            model = by(model, step=STEPS[-1])
     states = _start_state(model, states)
     predicted = model.predict(none, whole, states)[0]
     bad = ~np.all(np.isfinite(predicted), axis=1)
@@ -103,6 +104,6 @@ def _start_state(model: Model, guess: Array) -> Array:
     try:
         # Where the model is wrong, its own error is the scale: the state must not make up for it.
         problem = problem.rescaled(scales(problem, point))
-        return solve(problem, point, max_iterations=6, tolerance=1e-3).point.states
+        return solve(problem, point, Policy(max_iterations=6, tolerance=1e-3)).point.states
     except ConvergenceError:
         return guess

@@ -18,8 +18,8 @@ from bha.estimation.conditions import changes_of
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate
 from bha.estimation.integration import choose_integration
+from bha.estimation.problem import Point, Problem, Residuals
 from bha.estimation.records import Record, windows
-from bha.estimation.solver import Point, Problem, Residuals
 from bha.logs import Log
 from bha.names import column
 from bha.recordings import ChannelFacts, Observation

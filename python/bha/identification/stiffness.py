@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import InputError
-from bha.estimation.initial import pose
+from bha.estimation.initial import pose_of
 from bha.estimation.records import Record
 from bha.estimation.stretches import SteadyState, Stretch, steady_state, steady_states, stretch_of
 from bha.parameters import paths
@@ -318,7 +318,7 @@ def _steady(
         for stretch in own:
             state = steady_state(arm, rec, stretch)
             deviation = rec.noise / np.sqrt(stretch.last - stretch.first)
-            found.append((rec, state, pose(arm, rec, state.channels, deviation, state.pressures)))
+            found.append((rec, state, pose_of(arm, rec, state.channels, deviation, state.pressures)))
     return found
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.errors import ConvergenceError, InputError
-from bha.estimation.initial import guess_state, pose
+from bha.estimation.initial import guess_of, pose_of
 from bha.estimation.records import Record
 from bha.estimation.stretches import Stretch, steady_state, stretch_between, swings
 from bha.estimation.uncertainty import correlation_length
@@ -201,10 +201,10 @@ def free_swing(arm: Arm, rec: Record, stretch: Stretch, *, at_rest: bool = False
     if at_rest:
         before = steady_state(arm, rec, stretch_between(rec, stretch.start - REST, stretch.start))
         deviation = rec.noise / np.sqrt(before.stretch.last - before.stretch.first)
-        q = pose(arm, rec, before.channels, deviation, pressures)
+        q = pose_of(arm, rec, before.channels, deviation, pressures)
         state = np.concatenate([q, np.zeros_like(q)])
     else:
-        state = guess_state(arm, rec, stretch.first)
+        state = guess_of(arm, rec, stretch.first)
     time = rec.time[rows] - rec.time[stretch.first]
     return FreeSwing(stretch, time, head_paths(arm, rec, stretch), pressures, state)
 

@@ -87,13 +87,6 @@ class SensorsParameters(Table):
         check_provenance(self.provenance, stated)
         return self
 
-    def with_camera(self, position: Sequence[float], rotation: Sequence[float]) -> SensorsParameters:
-        """The same with the camera's origin, m, and rotation vector, rad, at other values."""
-        stated = {name: getattr(self, name) for name in self.model_fields_set if name != "camera_rotation_deg"}
-        return SensorsParameters.model_validate(
-            stated | {"camera_position": tuple(position), "camera_rotation": tuple(rotation)}
-        )
-
     @property
     def uncertain(self) -> dict[str, float]:
         """What of the camera's frame is not published, with how far off it plausibly is (m, rad): markers tell it."""

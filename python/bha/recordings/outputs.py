@@ -7,7 +7,7 @@ heads are seen in the camera's frame, which the arm's file may shift and turn.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -110,10 +110,6 @@ class Observation:
             core_gains=core_gains,
             core_shifts=core_shifts,
         )
-
-    def seen_by(self, camera: geometry.CameraFrame | None) -> Observation:
-        """The same outputs with heads in another frame; as they are for None."""
-        return self if camera is None else replace(self, camera=camera)
 
     @cached_property
     def is_length(self) -> NDArray[np.bool_]:

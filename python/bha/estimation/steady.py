@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from bha.diagnosis.noise import COLOUR_GAIN, SensorNoise
+from bha.estimation.bands import COLOUR_GAIN, SensorNoise
 from bha.estimation.records import Record
 from bha.support.spans import spans_of
 

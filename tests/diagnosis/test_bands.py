@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bha.diagnosis import noise
-from bha.estimation.records import Record
+from bha.estimation import bands
+from bha.estimation.problem import Residuals
+from bha.estimation.records import Record, Window
 
 from .synthetic import record_of
 
@@ -27,8 +28,8 @@ def test_white_rows_have_variance_one_where_noise_is_white_and_shaped() -> None:
         return np.outer(slow, [1.0, -0.5, 0.3]) * 3e-4
 
     measured = record(2e-4 * rng.standard_normal((rows, 3)) + shaped(), sample_time, 2e-4)
-    model = noise.noise_model([measured], [[shaped() for _ in range(6)]])
-    white = noise.Whitener(measured, model)(measured.measured)
+    model = bands.noise_model([measured], [[shaped() for _ in range(6)]])
+    white = bands.Whitener(measured, model)(measured.measured)
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.06)
     correlation = np.mean(white[1:] * white[:-1])
     assert abs(correlation) < 0.05
@@ -39,7 +40,7 @@ def test_white_rows_have_variance_one_where_noise_is_white_and_shaped() -> None:
 def test_whitening_is_linear_and_drops_what_lies_above_the_band() -> None:
     rng = np.random.default_rng(6)
     measured = record(1e-4 * rng.standard_normal((2000, 2)), 5e-3, 1e-4)
-    white = noise.Whitener(measured, noise.noise_model([measured], [[]]))
+    white = bands.Whitener(measured, bands.noise_model([measured], [[]]))
     a, b = rng.standard_normal((2, 2000, 2))
     np.testing.assert_allclose(white(a + 2 * b), white(a) + 2 * white(b), atol=1e-6)
     time = measured.time[:, None]
@@ -54,20 +55,33 @@ def test_a_masked_row_counts_for_nothing() -> None:
     good = measured.usable.copy()
     good[100:200] = False
     masked = replace(measured, usable=good)
-    white = noise.Whitener(masked, noise.noise_model([measured], [[]]))
+    window = Window(0, 0, len(masked))
+    white = bands.Whitener(masked, bands.noise_model([measured], [[]]))
+    residuals = Residuals((masked.noise,), np.inf, {window: white})
     spoilt = measured.measured.copy()
     spoilt[100:200] += 1.0
-    np.testing.assert_allclose(white(spoilt), white(measured.measured), atol=1e-9)
+    found = [residuals.white(window, values, good) for values in (spoilt, measured.measured)]
+    np.testing.assert_allclose(*found, atol=1e-9)
+
+
+def test_derivatives_are_whitened_as_residuals_are() -> None:
+    rng = np.random.default_rng(9)
+    measured = record(1e-4 * rng.standard_normal((700, 2)), 0.01, 1e-4)
+    white = bands.Whitener(measured, bands.noise_model([measured], [[1e-4 * rng.standard_normal((700, 2))]]))
+    table = rng.standard_normal((700, 2, 3, 4))
+    found = white(table)
+    for k in range(3):
+        np.testing.assert_allclose(found[:, :, k, 1], white(table[:, :, k, 1]), atol=1e-9)
 
 
 @pytest.mark.parametrize(("share", "time"), [(0.0, 0.0), (0.5, 0.03)])
 def test_coloured_noise_is_told_from_white(share: float, time: float) -> None:
     rng = np.random.default_rng(8)
     frequency = np.linspace(15.0, 94.0, 59)
-    truth = noise.SensorNoise(1.0, share, time)
+    truth = bands.SensorNoise(1.0, share, time)
     # Averages over some hundred coefficients each.
     spectra = truth.density(frequency, 5e-3) * rng.chisquare(400, len(frequency)) / 400
-    found = noise.sensor_noise(spectra, 400.0 * len(frequency), frequency, 5e-3, 1.0)
+    found = bands.sensor_noise(spectra, 400.0 * len(frequency), frequency, 5e-3, 1.0)
     if share == 0.0:
         assert found.share == 0.0
     else:

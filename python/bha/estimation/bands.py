@@ -195,10 +195,13 @@ def noise_model(
 
 
 class Whitener:
-    """Takes the outputs of one log to rows that are white with variance one under a right model."""
+    """Takes residuals of one log, or of a stretch of it, to rows that are white with variance one under a right model.
+
+    One of the two whitenings (:class:`bha.estimation.innovations.Whitening`): that of noise which is stationary.
+    """
 
     def __init__(self, record: Record, model: NoiseModel) -> None:
-        """Prepare the factors for the log ``record``."""
+        """Prepare the factors for the rows of ``record``."""
         self.rows = len(record.rows)
         frequency = frequencies(self.rows, record.sample_time)
         top = min(TOP_FREQUENCY, 0.5 / record.sample_time)
@@ -206,18 +209,19 @@ class Whitener:
         band = np.searchsorted(model.edges, frequency[: self.kept], side="right")
         self._slices = [(b, np.flatnonzero(band == b)) for b in range(len(model.edges))]
         self._factors = [np.linalg.inv(np.linalg.cholesky(c)) for c in model.covariance]
-        self._good = record.usable
-        self._all_good = bool(np.all(record.usable))
         start, end = float(record.time[0]), float(record.time[-1])
         #: Time of each white row, s.
         self.time = start + (np.arange(self.kept) + 0.5) / self.kept * (end - start)
 
     def __call__(self, values: Array) -> Array:
-        """White rows of ``values`` (..., rows, channels), shape (..., kept, channels)."""
-        values = values if self._all_good else np.where(self._good, values, 0.0)
-        coefficients = dct(values, axis=-2, norm="ortho")[..., : self.kept, :]
+        """White rows of residuals, or of what is linear in them, (rows, C, ...), shape (kept, C, ...).
+
+        What was not read is zero in ``values``.
+        """
+        shape = (self.kept, *values.shape[1:])
+        coefficients = dct(values.reshape(self.rows, -1), axis=0, norm="ortho")[: self.kept].reshape(*shape[:2], -1)
         for b, index in self._slices:
             if len(index):
-                first, last = index[0], index[-1] + 1
-                coefficients[..., first:last, :] = coefficients[..., first:last, :] @ self._factors[b].T
-        return np.asarray(idct(coefficients, axis=-2, norm="ortho", overwrite_x=True))
+                own = slice(index[0], index[-1] + 1)
+                coefficients[own] = self._factors[b] @ coefficients[own]
+        return np.asarray(idct(coefficients.reshape(self.kept, -1), axis=0, norm="ortho")).reshape(shape)
