@@ -3,8 +3,9 @@ from bha.parameters.effect import EFFECT_KINDS
 
 
 def test_every_kind_of_the_registry_is_a_candidate_with_its_own_numbers() -> None:
-    # What one chamber takes from another through the supply is kept out, so that something is (docs/decisions/0011).
-    assert {plan.kind for plan in catalogue.PLANS} == set(EFFECT_KINDS) - {"formula", "supply_sag"}
+    # What one chamber takes from another through the supply is kept out, so that something is (docs/decisions/0011);
+    # preloads are no cause but what a log begins with (0012).
+    assert {plan.kind for plan in catalogue.PLANS} == set(EFFECT_KINDS) - {"formula", "supply_sag", "preload"}
     for plan in catalogue.PLANS:
         known = {number.name for number in EFFECT_KINDS[plan.kind].parameters}
         for shape in plan.shape_grid():

@@ -190,6 +190,12 @@ def _payload(place: Place, n: Numbers) -> str:
     return f"{text}, {number(away, 'm')} from its middle" if away > _NO_LENGTH else text
 
 
+def _preload(place: Place, n: Numbers) -> str:
+    where = "each section" if place.section is None else f"section {place.section}"
+    torque = number(math.hypot(n["to_x"], n["to_y"]), "N m")
+    return f"{where} is held by a constant force of {number(n['along'], 'N')} along it and a torque of {torque}"
+
+
 def _base_tilt(place: Place, n: Numbers) -> str:
     del place
     turns = [f"{number(n[f'about_{a}'], 'rad')} about {a}" for a in "xy" if abs(n.get(f"about_{a}", 0.0)) > _NO_ANGLE]
@@ -306,6 +312,7 @@ _SENTENCES: dict[str, Callable[[Place, Numbers], str]] = {
     "pressure_stiffness": _pressure_stiffness,
     "weak_bellows": _weak_bellows,
     "payload": _payload,
+    "preload": _preload,
     "base_tilt": _base_tilt,
     "tool_drag": _tool_drag,
     "contact": _contact,

@@ -19,6 +19,7 @@ pub mod length_gain;
 pub mod length_offset;
 pub mod marker_offset;
 pub mod payload;
+pub mod preload;
 pub mod pressure_gain;
 pub mod pressure_lag;
 pub mod pressure_offset;
@@ -53,6 +54,7 @@ registry::kinds! {
     pressure_stiffness => PressureStiffness,
     weak_bellows => WeakBellows,
     payload => Payload,
+    preload => Preload,
     base_tilt => BaseTilt,
     tool_drag => ToolDrag,
     contact => Contact,

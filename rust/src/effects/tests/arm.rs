@@ -136,6 +136,8 @@ fn damping_torques_and_coupling_act_on_the_bending() {
     let torque = [0, 1].map(|k| -0.4 * (a[k] - b[k]) - 0.02 * (da[k] - db[k]));
     let expected = [0.0, 0.0, 0.0, torque[0], torque[1], 0.0, -torque[0], -torque[1], 0.0];
     assert!(close(&found.concat(), &expected, 1e-11));
+    let found = on_arc(&[effect("preload", "section 2", &[("along", 3.0), ("to_x", 0.2), ("to_y", -0.1)])]);
+    assert!(close(&found.concat(), &[0.0, 0.0, 0.0, 0.2, -0.1, 3.0, 0.0, 0.0, 0.0], 1e-12));
 }
 
 #[test]

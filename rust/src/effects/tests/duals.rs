@@ -89,6 +89,7 @@ fn sample(name: &str) -> Option<&'static [(&'static str, f64)]> {
         "pressure_lag" => &[("fill", 0.02), ("vent", 0.05)],
         "delay" => &[("time", 2.2e-3)],
         "valve_dead_band" => &[("band", 3e3)],
+        "preload" => &[("along", 5.0), ("to_x", 0.2), ("to_y", -0.1)],
         "pressure_offset" => &[("offset", 500.0)],
         "pressure_gain" => &[("gain", 0.03)],
         "leak" => &[("drop", 2e3)],

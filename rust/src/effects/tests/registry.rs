@@ -7,7 +7,7 @@ use crate::error::Error;
 #[test]
 fn kinds_are_complete_and_their_defaults_allowed() {
     let wanted = "creep hysteresis friction quadratic_damping bending_damping bending_nonlinear bending_anisotropy section_coupling \
-                  effective_area pressure_stiffness weak_bellows payload base_tilt tool_drag contact pressure_lag delay \
+                  effective_area pressure_stiffness weak_bellows payload preload base_tilt tool_drag contact pressure_lag delay \
                   valve_dead_band pressure_offset pressure_gain leak supply_sag length_offset length_gain wire_backlash \
                   marker_offset work_conjugate torsion taper distributed_mass formula";
     let names: Vec<_> = KINDS.iter().map(|k| k.name).collect();
