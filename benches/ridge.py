@@ -37,10 +37,15 @@ class Ridge:
     weights: Array
     offset: Array
 
-    def tip_error(self, log: bha.Log, start: float) -> float:
-        """RMS distance of the last head from where it was measured, m, once ``start`` s of the log have passed."""
+    def tip_error(self, log: bha.Log, start: float, *, from_first_pose: bool = False) -> float:
+        """RMS distance of the last head from where it was measured, m, once ``start`` s of the log have passed.
+
+        ``from_first_pose``: both heads shifted all along by what they are off in the first row.
+        """
         time, features, heads = rows(log, self.pressures)
         error = (features - self.middle) / self.scale @ self.weights + self.offset - heads
+        if from_first_pose:
+            error -= error[0]
         late = time >= time[0] + start
         return float(np.sqrt(np.mean(np.sum(error[late, 3:] ** 2, axis=1))))
 

@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import _core
+from bha.arm import Arm
 from bha.arm.variants import Variants
 from bha.errors import BhaError
 from bha.estimation.conditions import Condition, conditioned
 from bha.estimation.derived import described
 from bha.estimation.free import Coordinate, with_values
+from bha.estimation.preload import first_pose, preloads_of
+from bha.estimation.records import Record
 from bha.estimation.terms import EffectTerm, tables_of
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
@@ -33,11 +36,13 @@ class Case:
         observation: its outputs, as the file's arm shows them.
         commanded: whether pressures are commands, which pass through the arm's pneumatics; else they stand in the
             chambers already.
+        record: the log, where its first pose tells preloads (:mod:`bha.estimation.preload`).
     """
 
     condition: Condition
     observation: Observation
     commanded: bool = False
+    record: Record | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +83,34 @@ class Arms:
             parameters = with_values(changed[case], on_outputs[case], values)
             return Observation.of(parameters, self.cases[case].observation.outputs)
 
+        preloads = preloads_of(self.parameters)
+        on_pose = [tuple(c for c in own if any(map(paths.acts_on_pose, c.members))) for own in acting]
+
+        @lru_cache(maxsize=256)
+        def first(case: int, values: tuple[float, ...]) -> tuple[list[float], Array, Array] | None:
+            rec = self.cases[case].record
+            if rec is None or rec.resting is None:
+                return None
+            parameters = with_values(changed[case], on_pose[case], values)
+            pose = first_pose(Arm(parameters), rec)
+            radii = [section.bellows_radius for section in parameters.sections]
+            return None if pose is None else (radii, pose, rec.resting.pressures)
+
         @lru_cache(maxsize=1024)
         def at(point: bytes, case: int) -> tuple[_core.Arm | None, Observation]:
             z = np.frombuffer(point)
             value = {c: c.value(float(x)) for c, x in zip(self.coordinates, z, strict=False)}
             numbers = [table["parameters"] for table in tables_of(self.effects, self.split(z)[1])]
             try:
-                variants = _variants(changed[case], moving[case], self.cases[case].commanded, self.effects)
-                arm = variants.arm(np.array([value[c] for c in moving[case]]), numbers)
+                values = np.array([value[c] for c in moving[case]])
+                stands = first(case, tuple(value[c] for c in on_pose[case])) if preloads else None
+                commanded = self.cases[case].commanded
+                if preloads is None or stands is None:
+                    arm = _variants(changed[case], moving[case], commanded, self.effects).arm(values, numbers)
+                else:
+                    variants = _variants(changed[case], (*moving[case], *preloads.coordinates), commanded, self.effects)
+                    free = variants.arm(np.concatenate([values, np.zeros(len(preloads.coordinates))]), numbers)
+                    arm = variants.arm(np.concatenate([values, preloads.needed(free, *stands)]), numbers)
                 return arm, observation(case, tuple(value[c] for c in on_outputs[case]))
             except BhaError:
                 return None, self.cases[case].observation

@@ -5,6 +5,8 @@ not tell. These are therefore tried only where the defaults leave more than the 
 the new start leave clearly less (:mod:`bha.estimation.begin`):
 
 - gains of single inputs (areas of their chambers, sensors, regulators: they act alike) and azimuths of single chambers;
+- preloads of the sections, log by log, told by where each log begins (:mod:`bha.estimation.preload`), and with them
+  areas that change with the length of a chamber, as those of fabric do;
 - under commands a dead time of all inputs, in place of a part of their lag.
 
 Offsets of single inputs and rest lengths of single chambers hold the arm bent, as a turned camera shows it: with heads
@@ -22,13 +24,16 @@ from numpy.typing import NDArray
 
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.lags import PATHS
+from bha.estimation.preload import with_preloads
 from bha.estimation.statics import TURN
-from bha.parameters import ArmParameters
+from bha.parameters import ArmParameters, paths
 
 Array = NDArray[np.float64]
 
 #: Standard deviations of what chambers differ by: gain, and azimuth in rad.
 GAIN, AZIMUTH = 0.1, math.radians(5.0)
+#: Standard deviation of what an area changes by in itself for each metre of length: a seventh for a centimetre.
+BY_LENGTH = 15.0
 #: Dead times that are tried, s, the least and greatest that are sought, and the deviation of the prior's logarithm.
 DELAYS = (0.02, 0.05, 0.1, 0.2)
 _LEAST, _GREATEST, _DEVIATION = 1e-4, 2.0, 2.0
@@ -49,6 +54,47 @@ class Asked:
     free: tuple[FreeParameter | str, ...]
     said: str
     static: bool
+
+
+def preloads(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
+    """Preloads told by first poses; None where the arm has some already.
+
+    What holds an arm off by as much in all its poses is no longer free beside them.
+    """
+    more = with_preloads(parameters)
+    if more is parameters:
+        return None
+    free = [f for f in free if not _holds_off(f if isinstance(f, str) else f.path)]
+    said = (
+        "logs begin at rest in other poses than their pressures say: what holds the arm there is told by each log's "
+        "first pose (effect preload); what is written is its mean"
+    )
+    return Asked(more, tuple(free), said, True)
+
+
+def _holds_off(path: str) -> bool:
+    """Whether a number moves or tilts the whole arm: rest length, where the mass hangs, where the camera stands."""
+    if paths.is_of_sensors(path):
+        return path != TURN
+    return paths.key_of(path) in ("rest_length", "center_of_mass")
+
+
+def areas_by_length(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
+    """Areas of each section's chambers that change with their lengths; None where some change already."""
+    if any(effect.kind == "effective_area" for effect in parameters.effects):
+        return None
+    mapping = parameters.to_mapping()
+    effects, more, prior = list(mapping.get("effect", [])), [], (0.0, BY_LENGTH)
+    for number in range(1, len(parameters.sections) + 1):
+        effects.append({"kind": "effective_area", "where": f"section {number}", "by_length": 0.0})
+        path = f"effect.{len(effects)}.by_length"
+        more.append(
+            FreeParameter(
+                path, lower=-3.0 * BY_LENGTH, upper=BY_LENGTH, prior=prior, logarithmic=False, scale=BY_LENGTH
+            )
+        )
+    said = "chambers push with another area the longer they are: effect effective_area was added"
+    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, True)
 
 
 def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:

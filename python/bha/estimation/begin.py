@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
-from bha.estimation.asked import Asked, dead_time, delayed, unlike_chambers
+from bha.estimation.asked import Asked, areas_by_length, dead_time, delayed, preloads, unlike_chambers
 from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
 from bha.estimation.dynamics import Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.lags import PATHS
+from bha.estimation.preload import preloads_of
 from bha.estimation.records import Record
 from bha.estimation.runs import Integration
 from bha.estimation.statics import Statics, fit_statics, refit_statics
@@ -165,7 +166,9 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
     again = _asked(found, Asked(found.arm.parameters, found.free, "", True), model, whole=whole)
     found = again if again is not None and again.tried[0].merit < found.tried[0].merit else found
     commanded = any(rec.drive.commanded for rec in records)
-    for ask in (unlike_chambers, dead_time) if commanded else (unlike_chambers,):
+    for ask in (preloads, areas_by_length, unlike_chambers, dead_time):
+        if not _fits(ask, held=preloads_of(found.arm.parameters) is not None, commanded=commanded):
+            continue
         asked = ask(found.arm.parameters, found.free)
         more = None if asked is None else _asked(found, asked, model, whole=whole)
         if asked is None or more is None or more.statics is None or found.statics is None:
@@ -179,12 +182,26 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
     return found, said
 
 
+def _fits(ask: Callable[..., Asked | None], *, held: bool, commanded: bool) -> bool:
+    """Whether something is asked of an arm that is, or is not, held beside its springs.
+
+    One that stands elsewhere after each use is of a material that creeps: its areas give way, and what its chambers
+    differ by does not carry over to other motions (docs/decisions/0012).
+    """
+    if ask is unlike_chambers:
+        return not held
+    if ask is areas_by_length:
+        return held
+    return commanded or ask is not dead_time
+
+
 def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found | None:
     """The best point with more free, from the best one without; None where it holds no poses."""
     assert found.statics is not None
     coordinates = resolve(asked.parameters, asked.free)
     model = replace(model, parameters=asked.parameters, plain=coordinates)
-    z = np.concatenate([found.tried[0].z, np.zeros(len(coordinates) - len(found.coordinates))])
+    before = {c.name: x for c, x in zip(found.coordinates, found.tried[0].z, strict=True)}
+    z = np.array([before.get(c.name, 0.0) for c in coordinates])
     statics = refit_statics(asked.parameters, coordinates, model.records, z, found.statics.lags)
     if statics is None:
         return None

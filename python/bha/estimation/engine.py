@@ -312,7 +312,7 @@ class Model:
 
     @cached_property
     def _arms(self) -> Arms:
-        cases = (Case(rec.condition, rec.observation, rec.drive.commanded) for rec in self.records)
+        cases = (Case(rec.condition, rec.observation, rec.drive.commanded, rec) for rec in self.records)
         return Arms(self.parameters, self.plain, tuple(cases), self.effects)
 
 

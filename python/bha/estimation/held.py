@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bha import _core
 from bha.estimation.arms import Arms, Case
 from bha.estimation.free import Coordinate
+from bha.estimation.preload import preloads_of
 from bha.estimation.slow import SlowRecord, lag_response
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation, Output
@@ -66,7 +67,10 @@ class HeldPoses:
 
     @cached_property
     def _arms(self) -> Arms:
-        cases = (Case(slow.record.condition, Observation.of(self.parameters, slow.outputs)) for slow in self.records)
+        cases = (
+            Case(slow.record.condition, Observation.of(self.parameters, slow.outputs), record=slow.record)
+            for slow in self.records
+        )
         return Arms(self.parameters, self.coordinates, tuple(cases))
 
     def held(self, z: Array, near: Sequence[Held] | None = None) -> list[Held]:
@@ -129,7 +133,9 @@ class HeldPoses:
         base, columns = self.lagged(still, lags), []
         steps = [_STEP if x + _STEP <= c.bounds[1] else -_STEP for x, c in zip(z, self.coordinates, strict=True)]
         points = [z + h * e for h, e in zip(steps, np.eye(len(z)), strict=True)]
-        moving = [k for k, c in enumerate(self.coordinates) if not all(map(paths.is_of_sensors, c.members))]
+        # Where first poses tell preloads, these follow the camera.
+        told = preloads_of(self.parameters) is not None
+        moving = [k for k, c in enumerate(self.coordinates) if told or not all(map(paths.is_of_sensors, c.members))]
         there = dict(zip(moving, self.moved(z, [points[k] for k in moving], held), strict=True))
         for k, (point, h) in enumerate(zip(points, steps, strict=True)):
             beside = self.lagged(self.shown(point, there.get(k, held)), lags)

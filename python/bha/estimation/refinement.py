@@ -74,6 +74,8 @@ class Settings:
             its lengths are measured; with more sections the search for sizes takes longer than the fit.
         draws: redrawn pressure noises for the standard errors; 0 leaves pressure noise out.
         seed: of the redrawn noises.
+        lasting: by how much what the model leaves, beyond the noise, weighs less than an error that is another one in
+            each row: the root of the number of rows for which it lasts. Priors count for more as it grows.
     """
 
     windows: tuple[float | None, ...] | None = None
@@ -87,6 +89,7 @@ class Settings:
     prediction_error: bool | None = None
     draws: int = 24
     seed: int = 0
+    lasting: float = 1.0
 
 
 @short_repr
@@ -413,7 +416,7 @@ def _stage_problem(
     pieces = windows(model.records, length)
     if budget is not None:
         pieces = some_of(pieces, model.records, budget)
-    residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber)
+    residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber, lasting=settings.lasting)
     guesses = model.guesses(z, pieces)
     return Problem(model, tuple(pieces), residuals, guesses, prior, settings.state_deviation)
 
@@ -433,7 +436,7 @@ def scales(problem: Problem, point: Point) -> Residuals:
         good = np.any(np.isfinite(error), axis=0)
         left = np.array([np.nanmedian(np.abs(e)) if g else 0.0 for e, g in zip(error.T, good, strict=True)])
         left /= _MEDIAN_NORMAL
-        found.append(np.where(left > 1.05 * rec.noise, left, rec.noise))
+        found.append(np.where(left > 1.05 * rec.noise, problem.residuals.lasting * left, rec.noise))
     return replace(problem.residuals, scale=tuple(found))
 
 

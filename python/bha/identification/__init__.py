@@ -8,6 +8,7 @@ measure.
 """
 
 from bha.estimation.free import FreeParameter, camera_free, default_free
+from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record, record
 from bha.estimation.refinement import Refinement, Settings, refine
 from bha.estimation.static_fit import StaticFit, fit_poses
@@ -64,4 +65,5 @@ __all__ = [
     "swing_damping",
     "swings",
     "unknown_combinations",
+    "with_preloads",
 ]

@@ -15,6 +15,7 @@ from bha.errors import InputError
 from bha.estimation.disturbed import Disturbed
 from bha.estimation.free import Coordinate
 from bha.estimation.lags import CommonTime
+from bha.estimation.preload import typical
 from bha.estimation.records import Record
 from bha.estimation.refinement import Refinement
 from bha.identification.holdout import Prediction, predict
@@ -180,7 +181,8 @@ class Identification:
             raise InputError(
                 f"session {session!r}: {of} differ between sessions; name one of {', '.join(self.sessions)}"
             )
-        found = self.refinement.arm_of(session).parameters
+        fitted = [rec for rec in self.refinement.problem.model.records if not session or rec.session == session]
+        found = typical(self.refinement.arm_of(session), fitted)
         return marked(found, _marks(found, self, session))
 
     def arm(self, session: str = "") -> Arm:

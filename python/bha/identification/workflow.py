@@ -13,6 +13,8 @@ from bha.estimation.begin import Begin, begin
 from bha.estimation.free import FreeParameter
 from bha.estimation.lags import PATHS as LAG_PATHS
 from bha.estimation.lags import CommonTime, common_times, with_lag
+from bha.estimation.preload import preloads_of
+from bha.estimation.problem import STATE_DEVIATION
 from bha.estimation.records import Record
 from bha.estimation.refinement import Settings, refine, remembers
 from bha.estimation.scale import default_free_of, scale_of
@@ -22,6 +24,10 @@ from bha.identification.words import joined
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 
+#: Rows of an arm that creeps, s, and deviations of its initial lengths, m, and rates, m/s.
+_CREEPING_INTERVAL, _CREEPING_STATES = 0.1, (1e-3, 5e-3)
+#: What its model leaves lasts for 1.6 s, sixteen rows.
+_LASTING = 4.0
 #: Part of the progress that finding a start is.
 _BEGIN_SHARE = 0.2
 
@@ -99,7 +105,9 @@ def identify(
         threads=settings.threads,
         tell=None if progress is None else lambda text, done: progress(text, _BEGIN_SHARE * done),
     )
-    if settings.windows is None and start.skips_short_windows:
+    if settings.windows is None and preloads_of(start.arm.parameters) is not None:
+        settings = _of_an_arm_that_creeps(settings)
+    elif settings.windows is None and start.skips_short_windows:
         settings = replace(settings, windows=(None,) if remembers(lagging, used) else (6.0,))
     fit = refine(start.arm, used, start.free, settings, progress=None if progress is None else rest)
     result = identification(arm, fit, held)
@@ -107,6 +115,17 @@ def identify(
     times = common_times(fit.arm, mean_pressures(used), _lag_error(result)) if commanded else ()
     notes = (*found.faults, *found.repairs, *_notes(start, result, used), *map(_of_time, times))
     return replace(result, notes=notes, common_times=times)
+
+
+def _of_an_arm_that_creeps(settings: Settings) -> Settings:
+    """Whole logs, from where they begin: what its model lacks lasts for seconds and must not become initial states."""
+    return replace(
+        settings,
+        windows=(None,),
+        interval=max(settings.interval, _CREEPING_INTERVAL),
+        lasting=max(settings.lasting, _LASTING),
+        state_deviation=_CREEPING_STATES if settings.state_deviation == STATE_DEVIATION else settings.state_deviation,
+    )
 
 
 def _notes(start: Begin, found: Identification, used: Sequence[Record]) -> list[str]:

@@ -130,6 +130,25 @@ def acts_on_outputs(path: str) -> bool:
     return is_of_sensors(path) or steps[0] in ("effect", "*") or steps[-1] in ("radius", "bellows_radius", "*")
 
 
+#: Keys of sections and their bellows on which it does not depend where the lengths of an arm have its heads.
+_UNSEEN = frozenset(
+    {"mass", "inertia", "center_of_mass", "terminal_area", "rest_length", "stiffness", "damping", "bending_stiffness"}
+    | {"cross_bending_stiffness", "bending_plane", "axial_stiffness", "axial_rest_length", "axial_damping", "angle"}
+)
+#: Numbers of effects that turn, twist or bend otherwise, or of sensors that err.
+_SEEN_OF_EFFECTS = frozenset({"about_x", "about_y", "change", "stiffness", "offset", "gain"})
+
+
+def acts_on_pose(path: str) -> bool:
+    """Whether it depends on a number which lengths of the arm put its heads, or its sensors, where they are."""
+    steps = path.split(".")
+    if steps[0] == "section":
+        return key_of(path) not in _UNSEEN
+    if steps[0] == "effect":
+        return steps[-1] in _SEEN_OF_EFFECTS
+    return steps[0] not in ("pneumatics", "gravity", "ambient_pressure")
+
+
 def unit_of(path: str) -> str:
     """Unit of the number at a path; empty for groups, which are factors, and for effects."""
     if "*" in path:

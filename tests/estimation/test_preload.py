@@ -1,0 +1,98 @@
+"""What holds an arm where a log begins is told by the log's first pose, and predicts what follows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bha
+from bha.estimation.begin import begin
+from bha.estimation.first_command import stood_under
+from bha.estimation.preload import NUMBERS, of_record, typical, with_preloads
+from bha.estimation.records import record
+from bha.estimation.scale import default_free_of
+from bha.identification import predict
+from bha.logs import Log
+from bha.parameters import ArmParameters
+
+from .slow_arm import TRUE, arm_of, log_of
+
+#: Torques that bend to x and to y, N m, and force, N: some millimetres at the head.
+HELD, OTHERWISE = (0.012, -0.006, 1.2), (-0.010, 0.008, -0.6)
+
+
+def preloaded(numbers: tuple[float, ...]) -> bha.Arm:
+    effect = {"kind": "preload", "where": "section 1", **dict(zip(NUMBERS, numbers, strict=True))}
+    return arm_of(TRUE, apart=True).with_effects([*arm_of(TRUE, apart=True).parameters.effects, effect])
+
+
+def plain() -> bha.Arm:
+    return bha.Arm(with_preloads(arm_of(TRUE, apart=True).parameters))
+
+
+def test_first_poses_tell_preloads() -> None:
+    rec = record(plain(), log_of(preloaded(HELD), 1))
+    told = of_record(plain(), rec)
+    assert list(told) == [f"effect.2.{name}" for name in NUMBERS]
+    # The mean of four readings with 0.2 mm of noise, in what holds some millimetres.
+    assert list(told.values()) == pytest.approx(HELD, rel=0.05, abs=6e-4)
+    assert of_record(arm_of(TRUE, apart=True), rec) == {}
+
+
+def test_a_log_is_predicted_from_its_own_first_pose() -> None:
+    log = log_of(preloaded(OTHERWISE), 2)
+    with_it, without = (predict(arm, [record(arm, log)])[0].head_rms[1] for arm in (plain(), arm_of(TRUE, apart=True)))
+    assert without > 3e-3
+    assert with_it < 6e-4
+
+
+def test_where_no_log_tells_it_the_mean_counts() -> None:
+    records = [record(plain(), log_of(preloaded(numbers), seed)) for seed, numbers in enumerate((HELD, OTHERWISE))]
+    found = typical(plain(), records).effects[-1].parameters
+    middle = np.mean([HELD, OTHERWISE], axis=0)
+    assert [found[name] for name in NUMBERS] == pytest.approx(middle, rel=0.1, abs=5e-4)
+
+
+def test_logs_that_begin_elsewhere_ask_for_preloads() -> None:
+    guess = arm_of({"stiffness": 200.0, "terminal_area": 9e-5, "bending_stiffness": 0.2, "damping": 1.0})
+    logs = [log_of(preloaded(numbers), seed, duration=20.0) for seed, numbers in enumerate((HELD, OTHERWISE), start=1)]
+    records = [record(guess, log) for log in logs]
+    found = begin(guess, records, default_free_of(guess.parameters, records), whole=False, splits=True)
+    assert "preload" in {effect.kind for effect in found.arm.parameters.effects}
+    assert found.trial.spread < 1e-3
+
+
+def test_a_log_that_begins_moving_tells_none() -> None:
+    log = log_of(preloaded(HELD), 1)
+    # 0.1 s after a step.
+    units = {"t": "s", "x1": "m", "y1": "m", "z1": "m"}
+    late = Log.from_arrays({f"{name} [{units.get(name, 'Pa')}]": log[name][128:] for name in log.columns})
+    rec = record(plain(), late)
+    assert rec.resting is None
+    assert of_record(plain(), rec) == {}
+    assert record(plain(), log).between(5.0, 9.0).resting is None
+
+
+def test_first_commands_are_those_that_the_arm_stood_under() -> None:
+    time = np.arange(0.0, 12.0, 0.05)
+    high = (time % 6.0) < 3.0
+    commands = np.where(high, 5e4, 1e4)[:, None]
+    # It follows within a third of a second, and stands low when the log begins.
+    pose = np.zeros((len(time), 1))
+    for k in range(1, len(time)):
+        pose[k] = pose[k - 1] + 0.15 * ((0.1 if high[k] else 0.0) - pose[k - 1])
+    drive = bha.Input(time, commands)
+    found = stood_under(drive, time, pose, pose[0])
+    assert found is not None
+    assert found.pressures[0, 0] == 1e4
+    assert np.array_equal(found.pressures[1:], commands[1:])
+    # Where it begins under the command that holds it nothing changes; where it never comes back nobody knows.
+    assert stood_under(drive, time, pose, np.array([0.1])) is drive
+    short = time < 2.5
+    assert stood_under(bha.Input(time[short], commands[short]), time[short], pose[short], pose[0]) is None
+
+
+def test_preloads_are_put_once() -> None:
+    parameters = plain().parameters
+    assert with_preloads(parameters) is parameters
+    assert isinstance(parameters, ArmParameters)
