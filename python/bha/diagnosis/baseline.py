@@ -384,7 +384,7 @@ def fit_baseline(
         fit = improve(problem, fit, iterations=30, tolerance=2e-3, renewals=8, limit=FAR)
         cache.put("plain", x=fit.x, states=np.array(fit.states))
     else:
-        fit = weighted(evaluate(problem, model, known["x"], list(known["states"])), problem.rows)
+        fit = weighted(problem, evaluate(problem, model, known["x"], list(known["states"])))
     if stiff:
         problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
     shaken = mean_white_square(problem, disturbed)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,8 @@ Array = NDArray[np.float64]
 
 #: Plausible errors of an initial length, m, and rate, m/s, as measured.
 STATE_DEVIATION = (0.01, 0.1)
-#: Neighbouring numbers of a residual that is not noise that err together, about.
-CORRELATION = 20.0
+#: Time over which a residual that is not noise errs alike, about, s: what physics leaves follows the arm's motion.
+MEMORY = 1.0 / 3.0
 #: A step that gains less than this is none.
 NEGLIGIBLE = 0.5
 
@@ -61,6 +62,11 @@ class Problem(EstimationProblem):
     def rows(self) -> int:
         """Number of white numbers in all."""
         return sum(part.stop - part.start for part in self.slices())
+
+    @property
+    def rate(self) -> float:
+        """White rows a second."""
+        return sum(w.kept for w in self.whiteners) / sum(float(np.ptp(w.time)) for w in self.whiteners)
 
     def misfit(self, fit: Fit) -> float:
         """Error of a fit over that of a right model."""
@@ -169,14 +175,15 @@ def prior_cost(model: Model, x: Array) -> float:
     return float(weights @ x**2) if len(x) else 0.0
 
 
-def prior_weight(squares: float, rows: int) -> float:
+def prior_weight(mean_square: float, rate: float) -> float:
     """Weight of the prior: one under a right model, and as much more as the residual exceeds the noise.
 
+    ``rate`` is that of the white rows, 1/s: so many of them err together as come within ``MEMORY``.
     A residual that is not noise but physics is no evidence about the plain parameters to the precision of the noise:
     neighbouring samples err together. Without this a strong effect drives them to absurd values, and the absurd values
     hide the effect.
     """
-    return 1.0 + CORRELATION * max(0.0, squares / rows - 1.05)
+    return 1.0 + max(1.0, MEMORY * rate) * max(0.0, mean_square - 1.05)
 
 
 def evaluate(problem: Problem, model: Model, x: Array, states: Sequence[Array], trust: float = 1.0) -> Fit:
@@ -188,9 +195,9 @@ def evaluate(problem: Problem, model: Model, x: Array, states: Sequence[Array], 
     return Fit(model, x, tuple(states), tuple(outputs), residual, cost, trust=trust)
 
 
-def weighted(fit: Fit, rows: int) -> Fit:
+def weighted(problem: Problem, fit: Fit) -> Fit:
     """The fit with the weight of the prior that its residual asks for."""
-    trust = prior_weight(fit.squares, rows)
+    trust = prior_weight(fit.squares / problem.rows, problem.rate)
     return replace(fit, trust=trust, cost=fit.squares + trust * fit.prior)
 
 
@@ -268,7 +275,7 @@ def improve(
         limit=limit,
         renewals=renewals,
         renew=tuple(renew or ()),
-        weigh=_weighed,
+        weigh=partial(_weighed, problem.rate),
         near=near,
     )
     slopes = None
@@ -280,7 +287,7 @@ def improve(
     assert point.outputs is not None
     residual = problem.residual(point.outputs)
     ended = Fit(fit.model, point.z, tuple(point.states), point.outputs, residual, point.cost)
-    return weighted(ended if outcome.slopes is None else _with_slopes(ended, outcome.slopes), problem.rows)
+    return weighted(problem, ended if outcome.slopes is None else _with_slopes(ended, outcome.slopes))
 
 
 def restarted(problem: Problem, fit: Fit) -> Fit:
@@ -299,13 +306,13 @@ def point_of(problem: Problem, fit: Fit) -> Point:
     return Point(fit.x, np.stack(fit.states), fit.cost, fit.outputs, tuple(problem.split(fit.residual)))
 
 
-def _weighed(problem: EstimationProblem, point: Point) -> EstimationProblem:
+def _weighed(rate: float, problem: EstimationProblem, point: Point) -> EstimationProblem:
     """The problem with the weight of its priors that a residual asks for, states free about where they are."""
     assert point.left is not None
     squares, rows = sum(float(np.sum(left**2)) for left in point.left), sum(left.size for left in point.left)
     return replace(
         problem,
-        prior_weight=prior_weight(squares, rows),
+        prior_weight=prior_weight(squares / rows, rate),
         state_weight=max(1.0, squares / rows),
         guesses=point.states,
     )

@@ -132,7 +132,7 @@ def refit(
     new = list(range(old, model.size))
     assert start.jacobian is not None
     jacobian = np.concatenate([start.jacobian[:, :old], columns(problem, fit, new)], axis=1)
-    fit = weighted(replace(fit, jacobian=jacobian, state_jacobians=start.state_jacobians), problem.rows)
+    fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=start.state_jacobians))
     effect_coordinates = list(range(len(model.plain), model.size))
     if not known:
         try:

@@ -291,27 +291,33 @@ def _spread(values: Array) -> float:
 
 
 @dataclass
-class _Search:
+class Search:
     """Residuals of held poses, in scales, and their derivatives; remembers the poses to start the next ones from.
 
-    Unknowns are the coordinates and the logarithms of the lags, shape (p + sorts,).
+    Unknowns are the coordinates and, where channels lag, the logarithms of the lags, shape (p + sorts,).
     """
 
     poses: HeldPoses
     scales: list[Array]
     held: list[Held]
+    lagging: bool = True
+
+    @property
+    def _lags(self) -> int:
+        """Of how many sorts of channels the lag is an unknown."""
+        return len(self.poses.sorts) if self.lagging else 0
 
     @property
     def prior(self) -> Array:
         """Mean and standard deviation of each unknown, shape (p + sorts, 2)."""
         lag = (math.log(_LAG_PRIOR[0]), _LAG_PRIOR[1])
-        return np.array([*(c.prior for c in self.poses.coordinates), *[lag] * len(self.poses.sorts)])
+        return np.array([*(c.prior for c in self.poses.coordinates), *[lag] * self._lags])
 
     @property
     def bounds(self) -> Array:
         """Bounds of each unknown, shape (p + sorts, 2)."""
         lag = (math.log(_LEAST_LAG), math.log(_GREATEST_LAG))
-        return np.array([*(c.bounds for c in self.poses.coordinates), *[lag] * len(self.poses.sorts)])
+        return np.array([*(c.bounds for c in self.poses.coordinates), *[lag] * self._lags])
 
     def residuals(self, x: Array) -> Array:
         """Errors of all channels and of the priors."""
@@ -330,7 +336,9 @@ class _Search:
         z, lags = self.parts(x)
         slopes = self.poses.derivatives(z, lags, self.poses.held(z, self.held))
         found = [
-            np.nan_to_num(-slope / scale[:, None] * np.isfinite(slow.measured)[..., None]).reshape(-1, len(x))
+            np.nan_to_num(-slope / scale[:, None] * np.isfinite(slow.measured)[..., None])[..., : len(x)].reshape(
+                -1, len(x)
+            )
             for slow, slope, scale in zip(self.poses.records, slopes, self.scales, strict=True)
         ]
         return np.concatenate([*found, np.diag(1.0 / self.prior[:, 1])])
@@ -338,13 +346,18 @@ class _Search:
     def parts(self, x: Array) -> tuple[Array, Array]:
         """Coordinates and lags, s."""
         p = len(self.poses.coordinates)
-        return x[:p], np.exp(x[p:])
+        return x[:p], np.exp(x[p:]) if self.lagging else np.zeros(len(self.poses.sorts))
+
+    def errors(self, x: Array) -> list[Array]:
+        """Measured less shown, per record (g, C); NaN where no pose is held or nothing was read."""
+        z, lags = self.parts(x)
+        return _errors(self.poses, self.poses.lagged(self.poses.shown(z, self.poses.held(z, self.held)), lags))
 
 
 def _refined(poses: HeldPoses, z: Array, lags: Array, rounds: int, *, tolerance: float = 1e-4) -> Statics | None:
     """The fit from a point: searches between which the channels' scales become what is left; None without poses."""
     x = np.concatenate([z, np.log(np.clip(lags, 1e-2, _GREATEST_LAG))])
-    search, done = _Search(poses, [], poses.held(z)), False
+    search, done = Search(poses, [], poses.held(z)), False
     for _ in range(rounds):
         scales = _scales(poses, search.held, *search.parts(x))
         if scales is None:
