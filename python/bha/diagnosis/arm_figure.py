@@ -53,7 +53,7 @@ def arm_figure(outcome: Investigation, arm: Arm) -> Any | None:
     lengths = _lengths(arm, record, trial.prediction.states[0], rows)
     if lengths is None:
         return None
-    return _animated(arm, record, rows, lengths, outcome.diagnosis.effects, named=trial is outcome.best)
+    return _animated(arm, record, rows, lengths, outcome.diagnosis.effects, named=outcome.diagnosis.has_names)
 
 
 def _lengths(arm: Arm, record: Record, state: Array, rows: NDArray[np.intp]) -> Array | None:
@@ -187,7 +187,7 @@ def _scene(figure: Any, arm: Arm, points: Array) -> None:
     middle, half = 0.5 * (low + high), 0.55 * np.maximum(high - low, least)
     # From the side, a little from above.
     side = np.cross(up, (0.0, 1.0, 0.0) if abs(up[1]) < 0.9 else (1.0, 0.0, 0.0))
-    eye = 1.3 * side + 0.9 * np.cross(side, up) + 0.35 * up
+    eye = 1.6 * side + 1.1 * np.cross(side, up) + 0.45 * up
     figure.update_layout(
         scene={
             **{

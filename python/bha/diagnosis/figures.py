@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 # Colours that stay apart in print and for the colour-blind (Okabe and Ito 2008).
 MEASURED, BEFORE, AFTER, NOISE, ACCENT = "#222222", "#d55e00", "#0072b2", "#999999", "#009e73"
+#: Factor to either side up to which an interval of an estimate is drawn.
+WIDEST = 20.0
 #: Points of a trace at the most.
 TRACE_POINTS = 1500
 
@@ -66,6 +68,8 @@ def gap_figure(found: Diagnosis) -> Any:
     ]
     if not found.has_names:
         del rows[1]
+    if found.residual_force is not None and found.residual_force.table is not None:
+        rows.insert(1, ("residual table", found.residual_force.table.after, ACCENT))
     bars = go.Bar(
         x=[1e3 * value for _, value, _ in rows],
         y=[name for name, _, _ in rows],
@@ -143,7 +147,7 @@ def candidates_figure(found: Diagnosis) -> Any:
             textposition="auto",
         )
     )
-    figure.update_xaxes(title="share of the error that it promises to explain, %")
+    figure.update_xaxes(title="share of the error, %")
     return layout(figure, 120 + 24 * len(shown), showlegend=False)
 
 
@@ -254,9 +258,11 @@ def estimates_figure(found: Diagnosis) -> Any | None:
     rows.reverse()
     ratios = [e.value / e.start for _, e in rows if e.start]
     ends = [
-        sorted(v / e.start for v in e.ci95) if e.ci95 and e.start else [r, r]
+        tuple(sorted(v / e.start for v in e.ci95)) if e.ci95 and e.start else (r, r)
         for (_, e), r in zip(rows, ratios, strict=True)
     ]
+    # A logarithmic axis, on which twice and half are alike: an interval down to nothing ends where that begins.
+    ends = [(max(low, r / WIDEST), min(high, r * WIDEST)) for r, (low, high) in zip(ratios, ends, strict=True)]
     figure = go.Figure(
         go.Scatter(
             x=ratios,
@@ -273,8 +279,24 @@ def estimates_figure(found: Diagnosis) -> Any | None:
         )
     )
     figure.add_vline(x=1.0, line_color=NOISE, line_dash="dot")
-    figure.update_xaxes(title="estimate over the value of the file, with 95 % interval")
+    reached = [1.0, *ratios, *(v for pair in ends for v in pair)]
+    ticks = _ratios(min(reached), max(reached))
+    figure.update_xaxes(
+        title="estimate / file",
+        type="log",
+        tickvals=ticks,
+        ticktext=[f"{t:.3g}" for t in ticks],
+    )
     return layout(figure, 110 + 22 * len(rows), showlegend=False)
+
+
+def _ratios(low: float, high: float) -> list[float]:
+    """Ticks of a logarithmic axis about one, finer where it is short."""
+    reach = max(high, 1.0 / low)
+    for ticks in ([0.8, 0.9, 1.0, 1.1, 1.2], [0.5, 0.7, 1.0, 1.4, 2.0], [0.2, 0.5, 1.0, 2.0, 5.0]):
+        if reach < 1.3 * ticks[-1]:
+            return ticks
+    return [0.05, 0.2, 1.0, 5.0, 20.0]
 
 
 def _decades(update: Callable[..., Any], values: Sequence[float], title: str) -> None:

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 from bha.diagnosis import figures
 from bha.diagnosis.arm_figure import arm_figure
 from bha.diagnosis.force_figure import force_figure
-from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, experiment_in_words, headline, in_words
+from bha.diagnosis.words import (
+    VERDICTS,
+    alike_in_words,
+    errors_in_words,
+    experiment_in_words,
+    headline,
+    in_words,
+    slow_in_words,
+)
 from bha.support.extras import import_extra
 from bha.support.files import written_whole
 
@@ -19,6 +27,8 @@ if TYPE_CHECKING:
     from bha.diagnosis.result import Diagnosis, ResidualForceFound
     from bha.diagnosis.workflow import Investigation
 
+#: Chance of a rank correlation below which what is left is said to follow something: one in a hundred and some pairs.
+FOLLOWS = 1e-4
 STYLE = """
 :root { color-scheme: light; --line: #ddd; --soft: #555; }
 * { box-sizing: border-box; }
@@ -84,9 +94,12 @@ def report_html(outcome: Investigation, arm: Arm, unexplained: Unexplained | Non
     figure.add(arm_figure(outcome, arm))
     figure.add(figures.trace_figure(outcome))
     figure.add(figures.error_figure(outcome))
-    parts.append("<h2>All candidates</h2><p>What each alone promises; green: refitted, with its error then.</p>")
+    parts.append(
+        "<h2>All candidates</h2><p>Share of the error that each alone promises to explain; green: "
+        "refitted, with its error on the held-out logs then.</p>"
+    )
     figure.add(figures.candidates_figure(found))
-    parts.append("<h2>Parameters</h2>")
+    parts.append("<h2>Parameters</h2><p>Estimates over the values of the file, with 95 % intervals.</p>")
     figure.add(figures.estimates_figure(found))
     parts.append(_estimates(found))
     parts.append("<details><summary>Where the plain model errs</summary><div class='grid'>")
@@ -175,7 +188,9 @@ def _effect(effect: Any) -> str:
         notes.append("an empirical term: it helps to predict, but breaks a physical rule")
     if alike := alike_in_words(effect):
         notes.append(escape(alike))
-    sentence = in_words(effect)
+    sentence = slow_in_words(effect.slow) if effect.slow else in_words(effect)
+    if effect.slow:
+        notes.append(escape(f"the numbers are those of one way to divide it: {in_words(effect)}"))
     return (
         f"<h3>{escape(_capital(sentence))}</h3><p>{'; '.join(notes)}.</p>"
         f"<div class='scroll'><table><tr><th>number</th><th>value</th><th>95 % interval</th></tr>{rows}</table></div>"
@@ -221,12 +236,15 @@ def _residual(found: Diagnosis) -> str:
         f"<tr><td>{escape(f['output'])}</td><td>{escape(f['with'])}</td><td>{f['correlation']:+.2f}</td>"
         f"<td>{f['p_value']:.2g}</td></tr>"
         for f in rest.get("follows", [])[:6]
+        if f["p_value"] < FOLLOWS
     )
     if rows:
         text += (
             "<div class='scroll'><table><tr><th>residual of</th><th>follows</th><th>rank correlation</th>"
             f"<th>p</th></tr>{rows}</table></div>"
         )
+    elif rest.get("mean_square") is not None:
+        text += "<p>It follows nothing that was logged.</p>"
     notes = "".join(f"<li>{escape(n)}</li>" for n in rest.get("notes", []))
     return text + (f"<p>Steps of the search:</p><ul>{notes}</ul>" if notes else "")
 
@@ -247,7 +265,9 @@ def _excitation(found: Diagnosis) -> str:
     if groups:
         text += f"<p>Look-alikes in these logs:</p><ul>{groups}</ul>"
     if told["next_experiment"]:
-        text += f"<p>Best next experiment: {escape(told['next_experiment'])}.</p>"
+        asked = any(e.one_of for e in found.effects)
+        what = "Best next experiment" if asked else "To see what these logs show least"
+        text += f"<p>{what}: {escape(told['next_experiment'])}.</p>"
     return text
 
 

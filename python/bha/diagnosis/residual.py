@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: Frequencies of the spectra that are kept, at the most.
 SPECTRUM_POINTS = 80
+#: Share of the band of rows that is kept where they were thinned.
+THINNED_BAND = 0.65
 #: Least travel of a regressor, over the noise of the output it is of, from which a correlation with it means something.
 LEAST_TRAVEL = 0.5
 #: Power of a spectral line over its surroundings: resonances that noise excites stay below it.
@@ -75,10 +77,12 @@ def _spectra(holdout: Holdout, best: Trial, plain: Trial, noise: NoiseModel) -> 
             rest = np.where(record.usable, record.measured - trial.prediction.outputs[k], 0.0)
             frequency, density = _welch(rest, 1.0 / record.sample_time, length)
             found[name].append(density.mean(axis=1))
-    keep = slice(1, None)  # the mean of a segment was taken away
-    if len(frequency[keep]) == 0:
-        return None
     sample_time = float(np.median([r.sample_time for r in records]))
+    # The mean of a segment was taken away; rows that were thinned hold nothing above what their filter lets through.
+    thinned = any(r.thinning > 1 for r in records)
+    keep = (frequency > 0.0) & (frequency <= (THINNED_BAND if thinned else 1.0) * 0.5 / sample_time)
+    if not np.any(keep):
+        return None
     band = np.searchsorted(noise.edges, frequency, side="right")
     floor = 2.0 * sample_time * np.mean([np.diag(c) for c in noise.covariance], axis=1)[band]
     before, after = (np.average(found[name], axis=0, weights=weights) for name in ("before", "after"))

@@ -389,6 +389,8 @@ def slow_in_words(slow: Sequence[SlowSection]) -> str:
 
 def alike_in_words(effect: Effect) -> str:
     """What a named effect cannot be told from, by their names, and what would tell; empty where nothing is as good."""
+    if effect.slow:
+        return f"commands do not tell lag from damping on an arm that does not swing; what would: {effect.experiment}"
     if not effect.one_of:
         return ""
     names = [f"{other.kind} at {other.where}" for other in effect.one_of]
