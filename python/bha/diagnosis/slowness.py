@@ -3,7 +3,8 @@
 What: chambers that follow their commands with a lag, and sections whose damping outweighs their mass, are two stages of
 first order in a row. Near a pose the arm answers to commands alike if the two change places (their transfer functions
 commute): what commands tell is the time that both have together, and the lag alone only where it is much the longer one
-(:mod:`bha.estimation.lags`, whose rule counts here too). Hence
+(:mod:`bha.estimation.lags`, whose rule counts here too), or where it fills and vents differently, which no damping
+does. Hence
 
 - a fit with a lag is begun anew with the two exchanged, and with their time divided otherwise: it ends in whichever
   valley it began;
@@ -47,6 +48,8 @@ SLOW = (LAG, "delay", "bending_damping")
 SHARES = (0.4, 0.75)
 #: Damping over the file's from which a lag may have been taken for it.
 FAR = 3.0
+#: Ratio of the times of filling and venting from which they are not one time.
+UNLIKE = 1.2
 #: What splits the class.
 EXPERIMENT = (
     "log the pressures in the chambers beside the commands, or let the arm go by hand under constant pressures: it "
@@ -152,6 +155,8 @@ def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Dia
     slow = [e for e in found.effects if e.kind in SLOW and not e.where.startswith(("input ", "bellows ", "sensors"))]
     if not found.has_names and found.verdict != "equivalent":
         return found
+    if any(_knows_ways(e) for e in slow):
+        return found
     lag, error = _lag(slow)
     times = _without_swing(arm, records, lag, error)
     if not times or all(time.told for time in times):
@@ -166,6 +171,17 @@ def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Dia
         f"commands alone do not tell which. What would: {EXPERIMENT}"
     )
     return found.model_copy(update={"setup": [*found.setup, text]})
+
+
+def _knows_ways(effect: Effect) -> bool:
+    """Whether a lag is told by filling and venting differently: no damping knows the one from the other."""
+    if effect.kind != LAG:
+        return False
+    fill, vent = (effect.parameters[name] for name in ("fill", "vent"))
+    if fill.ci95 is None or vent.ci95 is None:
+        return False
+    apart = fill.ci95[1] < vent.ci95[0] or vent.ci95[1] < fill.ci95[0]
+    return apart and max(fill.value, vent.value) > UNLIKE * min(fill.value, vent.value)
 
 
 def _lag(effects: Sequence[Effect]) -> tuple[float, float]:
