@@ -17,13 +17,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.lags import PATHS
+from bha.estimation.preload import KIND as PRELOAD
 from bha.estimation.preload import with_preloads
 from bha.estimation.statics import TURN
 from bha.parameters import ArmParameters, paths
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 
 #: Standard deviations of what chambers differ by: gain, and azimuth in rad.
 GAIN, AZIMUTH = 0.1, math.radians(5.0)
+AREA = "effective_area"
 #: Standard deviation of what an area changes by in itself for each metre of length: a seventh for a centimetre.
 BY_LENGTH = 15.0
 #: Dead times that are tried, s, the least and greatest that are sought, and the deviation of the prior's logarithm.
@@ -48,28 +50,36 @@ class Asked:
         free: all that is free.
         said: what was added, in words.
         static: whether it acts on held poses, so that these must be better with it too.
+        begins: whether it says where logs begin, so that simulations of whole logs must be better with it.
     """
 
     parameters: ArmParameters
     free: tuple[FreeParameter | str, ...]
     said: str
     static: bool
+    begins: bool = False
 
 
-def preloads(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
-    """Preloads told by first poses; None where the arm has some already.
+def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
+    """Preloads told by first poses, and areas that change with length; None where the arm has some of them already.
 
     What holds an arm off by as much in all its poses is no longer free beside them.
     """
-    more = with_preloads(parameters)
-    if more is parameters:
+    if any(effect.kind in (PRELOAD, AREA) for effect in parameters.effects):
         return None
-    free = [f for f in free if not _holds_off(f if isinstance(f, str) else f.path)]
+    mapping = parameters.to_mapping()
+    effects, more, prior = list(mapping.get("effect", [])), [], (0.0, BY_LENGTH)
+    for number in range(1, len(parameters.sections) + 1):
+        effects.append({"kind": AREA, "where": f"section {number}", "by_length": 0.0})
+        slope = FreeParameter(f"effect.{len(effects)}.by_length", prior=prior, logarithmic=False, scale=BY_LENGTH)
+        more.append(replace(slope, lower=-3.0 * BY_LENGTH, upper=BY_LENGTH))
+    left = [f for f in free if not _holds_off(f if isinstance(f, str) else f.path)]
     said = (
         "logs begin at rest in other poses than their pressures say: what holds the arm there is told by each log's "
-        "first pose (effect preload); what is written is its mean"
+        "first pose (effect preload; what is written is its mean), and areas change with length (effect effective_area)"
     )
-    return Asked(more, tuple(free), said, True)
+    changed = with_preloads(parameters.updated({**mapping, "effect": effects}))
+    return Asked(changed, (*left, *more), said, True, begins=True)
 
 
 def _holds_off(path: str) -> bool:
@@ -77,24 +87,6 @@ def _holds_off(path: str) -> bool:
     if paths.is_of_sensors(path):
         return path != TURN
     return paths.key_of(path) in ("rest_length", "center_of_mass")
-
-
-def areas_by_length(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
-    """Areas of each section's chambers that change with their lengths; None where some change already."""
-    if any(effect.kind == "effective_area" for effect in parameters.effects):
-        return None
-    mapping = parameters.to_mapping()
-    effects, more, prior = list(mapping.get("effect", [])), [], (0.0, BY_LENGTH)
-    for number in range(1, len(parameters.sections) + 1):
-        effects.append({"kind": "effective_area", "where": f"section {number}", "by_length": 0.0})
-        path = f"effect.{len(effects)}.by_length"
-        more.append(
-            FreeParameter(
-                path, lower=-3.0 * BY_LENGTH, upper=BY_LENGTH, prior=prior, logarithmic=False, scale=BY_LENGTH
-            )
-        )
-    said = "chambers push with another area the longer they are: effect effective_area was added"
-    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, True)
 
 
 def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
-from bha.estimation.asked import Asked, areas_by_length, dead_time, delayed, preloads, unlike_chambers
+from bha.estimation.asked import Asked, dead_time, delayed, material_that_creeps, unlike_chambers
 from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
 from bha.estimation.dynamics import Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
@@ -36,6 +36,8 @@ _ACROSS = ("across", "length")
 #: What an axial stiffness must gain of the merit of simulations, for each channel, to be kept, and the merit of one
 #: that leaves no more than the noise.
 _GAIN, _AT_NOISE = 0.05, 0.5 * math.log(2.0)
+#: How many of the best points are simulated over whole logs where these must be better.
+_BEST = 4
 #: An arm that lags longer than this, s, creeps rather than swings.
 _SLOW = 0.1
 
@@ -166,20 +168,29 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
     again = _asked(found, Asked(found.arm.parameters, found.free, "", True), model, whole=whole)
     found = again if again is not None and again.tried[0].merit < found.tried[0].merit else found
     commanded = any(rec.drive.commanded for rec in records)
-    for ask in (preloads, areas_by_length, unlike_chambers, dead_time):
+    for ask in (material_that_creeps, unlike_chambers, dead_time):
         if not _fits(ask, held=preloads_of(found.arm.parameters) is not None, commanded=commanded):
             continue
         asked = ask(found.arm.parameters, found.free)
         more = None if asked is None else _asked(found, asked, model, whole=whole)
         if asked is None or more is None or more.statics is None or found.statics is None:
             continue
-        better = more.tried[0].merit < found.tried[0].merit - _GAIN * channels
+        if asked.begins:
+            better = _whole(more, model) < _whole(found, model) - _GAIN * channels
+        else:
+            better = more.tried[0].merit < found.tried[0].merit - _GAIN * channels
         if asked.static:
             better &= more.statics.merit < found.statics.merit - _GAIN * found.statics.channels
         if better:
             found = more
             said.append(asked.said)
     return found, said
+
+
+def _whole(found: _Found, model: Model) -> float:
+    """The least merit of its best points, simulated over whole logs; infinite where all fail."""
+    model = replace(model, parameters=found.arm.parameters, plain=found.coordinates)
+    return min(trial.merit for trial in trials(model, [trial.z for trial in found.tried[:_BEST]], whole=True))
 
 
 def _fits(ask: Callable[..., Asked | None], *, held: bool, commanded: bool) -> bool:
@@ -190,8 +201,6 @@ def _fits(ask: Callable[..., Asked | None], *, held: bool, commanded: bool) -> b
     """
     if ask is unlike_chambers:
         return not held
-    if ask is areas_by_length:
-        return held
     return commanded or ask is not dead_time
 
 
