@@ -105,6 +105,7 @@ def make_logs(
     durations: tuple[float, ...] = (8.0, 6.0, 7.0),
     noise: float = 2e-4,
     pressure_noise: float = 200.0,
+    quantum: float = 5e-5,
 ) -> list[bha.Log]:
     """Logs of the arm with hidden effects, alternately steps and multisines, the last one of both."""
     logs = []
@@ -117,6 +118,6 @@ def make_logs(
         measured = p + pressure_noise * rng.standard_normal(p.shape)
         columns: dict[str, Any] = {"t [s]": time}
         columns |= {f"{name} [Pa]": measured[:, k] for k, name in enumerate(arm.inputs)}
-        columns |= {f"q{k // 3 + 1}{k % 3 + 1} [m]": np.round(q[:, k] / 5e-5) * 5e-5 for k in range(n)}
+        columns |= {f"q{k // 3 + 1}{k % 3 + 1} [m]": np.round(q[:, k] / quantum) * quantum for k in range(n)}
         logs.append(bha.Log.from_arrays(columns))
     return logs

@@ -49,6 +49,20 @@ def test_an_arm_that_is_only_badly_calibrated_has_equivalent() -> None:
     assert found.gap.noise == pytest.approx(np.hypot(2e-4, 1.4e-4), rel=0.2)
 
 
+@pytest.mark.filterwarnings("ignore::bha.errors.LogWarning")  # what stands still for long does not count
+def test_readings_in_coarse_steps_are_no_gap_and_hide_no_effect() -> None:
+    """Steps of 1 mm with 0.05 mm of noise: differences of readings see next to nothing of either."""
+    coarse = {"noise": 5e-5, "quantum": 1e-3, "durations": (6.0, 6.0, 6.0)}
+    logs = make_logs(one_section(), [], seed=5, **coarse)
+    found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=KINDS)
+    assert found.verdict == "equivalent"
+    assert found.gap.noise == pytest.approx(np.hypot(1e-3 / np.sqrt(12.0), 1.4e-4), rel=0.2)
+    hidden = {"kind": "creep", "where": "bellows 12", "parameters": {"stiffness": 150.0, "tau": 0.6}}
+    logs = make_logs(one_section(), [hidden], seed=3, **coarse)
+    found = bha.diagnose(PRODUCT, logs[:2], logs[2:], kinds=KINDS)
+    assert [(e.kind, e.where) for e in found.effects] == [("creep", "bellows 12")]
+
+
 def test_a_gap_outside_the_catalogue_is_not_named() -> None:
     # The true effect is a pressure lag on one input; none of the candidates is one.
     hidden = {"kind": "pressure_lag", "where": "input p12", "parameters": {"fill": 0.15, "vent": 0.3}}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import firwin
 
 from bha.errors import InputError
-from bha.estimation.records import Record
+from bha.estimation.records import Record, reading_noise
 from bha.recordings import Observation
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def prepare(recording: Recording, *, name: str | None = None, pressure_noise: Ar
     if drive.forces is not None and not np.any(drive.forces):
         drive = replace(drive, forces=None)
     noise = sensed_noise([recording]) if pressure_noise is None else pressure_noise
-    return Record(
+    made = Record(
         name=origin,
         drive=drive,
         rows=recording.drive_rows[chosen],
@@ -84,7 +84,8 @@ def prepare(recording: Recording, *, name: str | None = None, pressure_noise: Ar
         pressure_facts=recording.pressure_facts,
         sha256=recording.log.sha256,
         doubts=recording.left_open(noise),
-    ).with_pressure_noise(recording.acting_noise(noise))
+    )
+    return made.with_noise(reading_noise(made.facts)).with_pressure_noise(recording.acting_noise(noise))
 
 
 def from_rest(record: Record) -> Record:

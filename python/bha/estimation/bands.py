@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.optimize import minimize
 
+from bha.estimation.noise import rounding_of
 from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
@@ -183,8 +184,10 @@ def noise_model(
     thinning = float(np.mean([r.thinning for r in records]))
     repeated = np.mean([r.repeat_noise**2 for r in records], axis=0)
     repeat_part = np.sqrt(np.maximum(repeated - sensor**2, 0.0))
-    # What an arm does is slow and loses nothing by thinning.
-    covariance += np.einsum("bi,ij->bij", shape * sensor**2 / thinning + repeat_part**2, np.eye(channels))
+    # What an arm does is slow and loses nothing by thinning, and so is the part of rounding that is where it stands.
+    rounded = np.mean([_rounding(r) for r in records], axis=0)
+    white = np.maximum(sensor**2 - rounded, 0.0)
+    covariance += np.einsum("bi,ij->bij", shape * white / thinning + rounded + repeat_part**2, np.eye(channels))
     if scatter is not None:
         rows = float(np.mean([len(r.rows) for r in records]))
         covariance[0] += np.diag(scatter**2) * rows / BAND_COEFFICIENTS
@@ -192,6 +195,12 @@ def noise_model(
     pressure_part = np.sqrt(np.mean(pressure_squares, axis=0)) if pressure_squares else np.zeros(channels)
     colours = tuple((s.share, s.time) for s in sensors)
     return NoiseModel(edges, covariance, sensor, pressure_part, repeat_part, colours)
+
+
+def _rounding(record: Record) -> Array:
+    """Variance of the part of rounding that belongs to where a channel is, m^2, shape (channels,)."""
+    white = np.sqrt(np.maximum(record.noise**2 - record.quantum**2 / 12.0, 0.0))
+    return rounding_of(white, record.quantum)
 
 
 class Whitener:

@@ -84,10 +84,7 @@ class Noise:
     @property
     def rounding(self) -> Array:
         """Variance of the part of rounding that belongs to where a channel is, shape (C,)."""
-        share = self.white / np.where(self.quantum > 0.0, self.quantum, np.inf)
-        orders = np.arange(1, _ORDERS + 1)[:, None]
-        dithered = np.exp(-((2.0 * np.pi * orders * share) ** 2)) / (2.0 * np.pi**2 * orders**2)
-        return np.asarray(self.quantum**2 * np.sum(dithered, axis=0))
+        return rounding_of(self.white, self.quantum)
 
     @property
     def disturbs(self) -> bool:
@@ -207,6 +204,14 @@ class Sizes:
             "unlogged": {str(section): list(pair) for section, pair in self.unlogged.items()},
             "logged": self.logged,
         }
+
+
+def rounding_of(white: Array, quantum: Array) -> Array:
+    """Variance of the part of rounding that belongs to where a channel is, by its white noise and its step, (C,)."""
+    share = white / np.where(quantum > 0.0, quantum, np.inf)
+    orders = np.arange(1, _ORDERS + 1)[:, None]
+    dithered = np.exp(-((2.0 * np.pi * orders * share) ** 2)) / (2.0 * np.pi**2 * orders**2)
+    return np.asarray(quantum**2 * np.sum(dithered, axis=0))
 
 
 def reading_interval(rec: Record) -> float:

@@ -119,6 +119,11 @@ class Record:
         return np.array([fact.noise for fact in self.facts])
 
     @cached_property
+    def quantum(self) -> Array:
+        """Step of the readings of each channel, in its unit, shape (C,); 0 for none."""
+        return np.array([fact.quantum for fact in self.facts])
+
+    @cached_property
     def repeat_noise(self) -> Array:
         """What the arm does otherwise each time, in the unit of the channel, shape (C,)."""
         return np.array([fact.repeat_noise for fact in self.facts])
@@ -201,6 +206,11 @@ class Record:
         return replace(self, pressure_facts=_with_noise(self.pressure_facts, noise))
 
 
+def reading_noise(facts: Sequence[ChannelFacts]) -> Array:
+    """Standard deviation of the readings of channels, in their units, shape (C,): no less than what rounding makes."""
+    return np.array([max(fact.noise, fact.quantum / np.sqrt(12.0)) for fact in facts])
+
+
 def _with_noise(facts: Sequence[ChannelFacts], noise: Array) -> tuple[ChannelFacts, ...]:
     return tuple(replace(fact, noise=float(own)) for fact, own in zip(facts, noise, strict=True))
 
@@ -266,10 +276,7 @@ def record(
     if len(rows) < 2 or not recording.time[rows[-1]] > recording.time[rows[0]]:
         raise InputError(f"{origin}: {len(rows)} rows; at least two at different times are needed")
     facts = [recording.facts[k] for k in kept]
-    if noise is None:
-        deviation = np.array([max(fact.noise, fact.quantum / np.sqrt(12.0)) for fact in facts])
-    else:
-        deviation = np.asarray(noise, dtype=np.float64)
+    deviation = reading_noise(facts) if noise is None else np.asarray(noise, dtype=np.float64)
     if deviation.shape != (len(kept),):
         raise InputError(f"{origin}: noise of {deviation.shape}; one number a channel is needed, ({len(kept)},)")
     known = np.isfinite(deviation) & (deviation > 0)
