@@ -43,8 +43,9 @@ class Rules:
         most: most effects.
         tried: candidates that are refitted in the first round, and in later ones.
         per_kind: candidates of one kind among them.
-        chance: greatest probability that the best of all candidates brings as much by chance, with which an effect, or
-            a further element of one, is taken in and kept.
+        enter: greatest probability that the best of all candidates brings as much by chance, with which an effect is
+            taken in: a true one stands out less while others are still missing.
+        chance: the same with which it stays, and with which a further element of it is taken in.
         swap: drop of the criterion that swaps an effect for a look-alike.
         share: least share of the plain model's excess error on left-out training logs that it has to remove.
         worth: least share of the plain model's excess on the training logs for which a further effect is sought.
@@ -62,6 +63,7 @@ class Rules:
     most: int = 4
     tried: tuple[int, int] = (4, 3)
     per_kind: int = 2
+    enter: float = 0.05
     chance: float = 0.01
     swap: float = 4.0
     share: float = 0.025
@@ -188,7 +190,7 @@ def _forward(
             return
         state.rivals.append(trials)
         chance = screening.chance(_gain(current, trials[0]))
-        if chance > rules.chance:
+        if chance > rules.enter:
             state.notes.append(f"not taken in: {trials[0].label}, {_by_chance(chance)}")
             return
         if current.fit.squares - trials[0].fit.squares < enough:
