@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bha.diagnosis.intervals import _between_logs, coordinate_draws
+from bha.diagnosis.candidate import Candidate
+from bha.diagnosis.catalogue import available
+from bha.diagnosis.intervals import _between_logs, coordinate_draws, form_deviation
+from bha.diagnosis.screen import Signatures
 
 from .test_statistics import STEP, slow
 
@@ -38,7 +41,7 @@ def fitted(jacobians: list[Array], measured: list[Array], channels: int = 1) -> 
         jacobian=jacobian,
         state_jacobians=tuple(np.zeros((len(y), 1)) for y in measured),
         trust=1.0,
-        model=SimpleNamespace(coordinates=[coordinate] * jacobian.shape[1]),
+        model=SimpleNamespace(coordinates=[coordinate] * jacobian.shape[1], size=jacobian.shape[1]),
     )
     return problem, fit
 
@@ -71,3 +74,35 @@ def test_intervals_hold_whatever_the_memory_of_what_is_left(tau: float) -> None:
         low, high = np.quantile(coordinate_draws(problem, fit, seed), [0.025, 0.975], axis=0)
         held.append((fit.x + low <= true) & (true <= fit.x + high))
     assert np.mean(held) >= 0.92
+
+
+def with_candidate(rng: np.random.Generator, strength: float) -> tuple[Any, Any, Signatures, Array, Array]:
+    """A fit that lacks a candidate of some strength, of which its sensitivities can do a part; and what is measured."""
+    rows, channels = 300, 2
+    jacobians = [slow(rng, rows, 0.5, channels, False).reshape(-1, 1) for _ in range(3)]
+    lacks = [0.6 * j[:, 0] + slow(rng, rows, 0.5, channels, False).ravel() for j in jacobians]
+    measured = [strength * y + rng.standard_normal(len(y)) for y in lacks]
+    problem, fit = fitted(jacobians, measured, channels)
+    plan = next(p for p in available(None) if p.kind == "length_offset")
+    table = np.concatenate(lacks)[:, None].astype(np.float32)
+    signatures = Signatures((Candidate(plan, "bellows 11", {}),), (((0,),),), table)
+    return problem, fit, signatures, np.concatenate(jacobians), np.concatenate(measured)
+
+
+def test_what_the_catalogue_could_still_add_moves_a_number_by_what_a_refit_with_it_does() -> None:
+    """A form that is wrong alike in all logs: neither the residual's memory nor the logs' disagreement shows it."""
+    problem, fit, signatures, jacobian, measured = with_candidate(np.random.default_rng(6), 1.0)
+    found = form_deviation(problem, fit, signatures, 0)
+    both = np.linalg.lstsq(np.column_stack([jacobian, signatures.table]), measured, rcond=None)[0]
+    assert found[0] == pytest.approx(abs(both[0] - fit.x[0]), rel=1e-4)
+    assert found[0] > 5.0 * np.std(coordinate_draws(problem, fit, 0)[:, 0])
+    draws = coordinate_draws(problem, fit, 0, found)
+    assert np.std(draws[:, 0]) == pytest.approx(np.hypot(found[0], np.std(coordinate_draws(problem, fit, 0))), rel=0.1)
+
+
+def test_what_chance_explains_as_well_moves_nothing() -> None:
+    moved = 0
+    for seed in range(10):
+        problem, fit, signatures, _, _ = with_candidate(np.random.default_rng(seed), 0.0)
+        moved += bool(form_deviation(problem, fit, signatures, seed)[0] > 0.0)
+    assert moved <= 5  # two are expected
