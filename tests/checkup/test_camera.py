@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from estimation import slow_arm
 
 import bha
 from bha.checkup.camera import signed_axes
@@ -104,3 +105,10 @@ def test_texts_of_axes_and_rotations() -> None:
     assert rotation_text(about_z(30.0)) == "[0.0, 0.0, 30.0]"
     assert rotation_text(about_z(180.0)) in ("[0.0, 0.0, 180.0]", "[0.0, 0.0, -180.0]")
     assert rotation_text(np.eye(3)) == "[0.0, 0.0, 0.0]"
+
+
+def test_an_arm_that_bends_anywhere_by_its_file_makes_no_fault_of_the_camera() -> None:
+    factors = {"stiffness": 1 / 3, "terminal_area": 3.0, "bending_stiffness": 0.5}
+    guess = slow_arm.arm_of({key: factors.get(key, 1.0) * x for key, x in slow_arm.TRUE.items()})
+    found = bha.check(guess, slow_arm.log_of(slow_arm.arm_of(slow_arm.TRUE), 2, duration=15.0))
+    assert found.faults == ()

@@ -9,6 +9,7 @@ identification. Where lengths are measured too, heads follow from them, and the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import permutations, product
 from typing import TYPE_CHECKING
@@ -35,6 +36,8 @@ DOUBTED, RIGHT = 55.0, 35.0
 UNIT_DOUBT = 4.0
 #: Offset of the camera's origin that is worth a warning, as a share of the arm's length.
 FAR = 0.5
+#: Most heads whose order is looked at.
+_MOST_ORDERED = 5
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,8 @@ def frame_of(arm: Arm, seen: Seen, camera: Array, where: str) -> Frame:
     if not heads:
         return straight
     means = np.array([np.median(seen.heads[seen.heads_good[:, i], i], axis=0) for i in heads])
-    predicted = _predicted(arm, seen)[heads]
+    # A file that is off by factors may bend its arm anywhere: then the straight arm tells more.
+    predicted = min((pose[heads] for pose in _predicted(arm, seen)), key=lambda pose: _misfit(means, pose, heads))
     reach = float(np.linalg.norm(predicted[-1]))
     size = float(np.linalg.norm(means[-1]))
     travel = float(np.max([np.ptp(seen.heads[seen.heads_good[:, i], i], axis=0).max() for i in heads]))
@@ -125,19 +129,24 @@ def signed_axes() -> list[Array]:
     return made
 
 
-def _predicted(arm: Arm, seen: Seen) -> Array:
-    """Heads (n, 3) under the mean pressures; of the straight arm at mean lengths where the model holds no pose."""
+def _predicted(arm: Arm, seen: Seen) -> list[Array]:
+    """Heads (n, 3) of the straight arm at mean lengths and, where the model holds a pose, under the mean pressures."""
     sections = arm.parameters.sections
-    middle = np.repeat([np.mean(s.length_range) for s in sections], 3)
-    q = middle
+    poses = [np.repeat([np.mean(s.length_range) for s in sections], 3)]
     try:
         held = arm.static_lengths(np.nanmean(seen.pressures, axis=0))
         ranges = np.repeat([s.length_range for s in sections], 3, axis=0)
         if np.all(held > 0.3 * ranges[:, 0]) and np.all(held < 2.0 * ranges[:, 1]):
-            q = held
+            poses.insert(0, held)
     except BhaError:
         pass  # the straight arm will do
-    return arm.parameters.base_pose.from_world(arm.forward_kinematics(q)[0])
+    return [arm.parameters.base_pose.from_world(arm.forward_kinematics(q)[0]) for q in poses]
+
+
+def _misfit(means: Array, predicted: Array, heads: Sequence[int]) -> float:
+    """How far heads are from a pose, in whatever order they come: sum of squares, m^2."""
+    orders = permutations(range(len(heads))) if len(heads) <= _MOST_ORDERED else [tuple(range(len(heads)))]
+    return min(float(np.sum((means[list(order)] - predicted) ** 2)) for order in orders)
 
 
 def _unit(heads: list[int], size: float, reach: float, travel: float, where: str) -> Finding | None:
@@ -163,7 +172,7 @@ def _unit(heads: list[int], size: float, reach: float, travel: float, where: str
 def _order(means: Array, predicted: Array) -> tuple[int, ...]:
     """The order of heads that makes the chain most like the model's; the log's own unless another is far better."""
     count = len(means)
-    if count > 5:
+    if count > _MOST_ORDERED:
         return tuple(range(count))
 
     def misfit(order: tuple[int, ...]) -> float:

@@ -136,7 +136,7 @@ def diagnose(
             tolerance=tolerance,
         )
         made = written.made_by(command, seed, train, held)
-        diagnosed = written.diagnosed_arm(arm, outcome, [recording.log for recording in train])
+        diagnosed = written.diagnosed_arm(outcome.arm, outcome, [recording.log for recording in train])
         if train[0].pressures.sort == "commanded":
             told = slowness.lag_or_damping(outcome.diagnosis, diagnosed, outcome.baseline.problem.records)
             outcome = replace(outcome, diagnosis=told)

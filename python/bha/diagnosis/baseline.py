@@ -347,11 +347,17 @@ def _integrated_for(model: Model, prepared: Prepared, fit: Fit, problem: Problem
 
 
 def fit_baseline(
-    model: Model, prepared: Prepared, seed: int, cache: Cache | None = None, scatter: Array | None = None
+    model: Model,
+    prepared: Prepared,
+    seed: int,
+    cache: Cache | None = None,
+    scatter: Array | None = None,
+    label: str = "",
 ) -> Baseline:
     """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
 
-    ``model`` is on the thinned logs; ``scatter`` is what sets logs apart that begin alike, m, shape (channels,).
+    ``model`` is on the thinned logs; ``scatter`` is what sets logs apart that begin alike, m, shape (channels,);
+    ``label`` tells the fits of one cache apart.
 
     Raises:
         ConvergenceError: the nominal arm diverges under these logs.
@@ -365,12 +371,12 @@ def fit_baseline(
         model = with_wide_damping(model)
     problem = whole_logs(model, rough, prepared.states, cache)
     shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
-    known = cache.get("rough", shapes)
+    known = cache.get("rough" + label, shapes)
     if known is None:
         x, states = _damped_fit(model, prepared, problem) if stiff else _pieces_fit(model, prepared, rough)
         if any(of_camera(c) for c in model.plain) and not stiff:
             x, states = _with_file_camera(model, prepared, problem, rough, (x, states))
-        cache.put("rough", x=x, states=np.array(states))
+        cache.put("rough" + label, x=x, states=np.array(states))
     else:
         x, states = known["x"], list(known["states"])
     fit = evaluate(problem, model, x, states)
@@ -378,11 +384,11 @@ def fit_baseline(
     disturbed = disturbed_outputs(problem, replace(fit, model=model), seed)
     noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed), scatter)
     problem = whole_logs(model, noise, prepared.states, cache)
-    known = cache.get("plain", shapes)
+    known = cache.get("plain" + label, shapes)
     if known is None:
         fit = evaluate(problem, model, fit.x, fit.states)
         fit = improve(problem, fit, iterations=30, tolerance=2e-3, renewals=8, limit=FAR)
-        cache.put("plain", x=fit.x, states=np.array(fit.states))
+        cache.put("plain" + label, x=fit.x, states=np.array(fit.states))
     else:
         fit = weighted(problem, evaluate(problem, model, known["x"], list(known["states"])))
     if stiff:

@@ -187,6 +187,15 @@ def _too_much_noise(gap: GapTest, limits: Thresholds) -> str:
     return ", which is less than noise alone should make: the noise is taken for too great, and hides gaps of its size"
 
 
+def faults_in_words(faults: Sequence[Finding]) -> str:
+    """By what logs and file do not belong together, in a sentence without its end."""
+    first = faults[0]
+    cause = f" ({first.explanations[0].what})" if first.explanations else ""
+    more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+    where = f"{first.where}: " if first.kind == "wiring" and first.where != "all logs" else ""
+    return f"logs and file do not belong together: {where}{first.what}{cause}{more}; mend that first, see bha check"
+
+
 def without_faults(verdict: Decision, faults: Sequence[Finding]) -> Decision:
     """The verdict on logs of which a check has found ``faults``: no physics is blamed before they are mended.
 
@@ -194,11 +203,7 @@ def without_faults(verdict: Decision, faults: Sequence[Finding]) -> Decision:
     """
     if not faults:
         return verdict
-    first = faults[0]
-    cause = f" ({first.explanations[0].what})" if first.explanations else ""
-    more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
-    where = f"{first.where}: " if first.kind == "wiring" and first.where != "all logs" else ""
-    text = f"logs and file do not belong together: {where}{first.what}{cause}{more}; mend that first, see bha check"
+    text = faults_in_words(faults)
     if verdict.verdict == "equivalent":
         # What the file has wrong hides in the plain numbers: they predict, and are not the arm's.
         return replace(verdict, reason=f"{verdict.reason}; but {text}")

@@ -17,9 +17,7 @@ from bha.diagnosis.baseline import (
     Baseline,
     Prepared,
     disturbed_outputs,
-    fit_baseline,
     mean_white_square,
-    prepare_runs,
 )
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.candidate import core_ranges
@@ -28,7 +26,7 @@ from bha.diagnosis.describe import describe
 from bha.diagnosis.fit import evaluate, whole_logs, with_sensitivities
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals
-from bha.diagnosis.model import plain_model
+from bha.diagnosis.plain import fit_plain
 from bha.diagnosis.preparation import (
     cut_to,
     from_rest,
@@ -49,7 +47,6 @@ from bha.diagnosis.where import locate
 from bha.errors import InputError
 from bha.estimation.engine import Model
 from bha.estimation.records import Record, Window
-from bha.estimation.runs import Integration
 from bha.estimation.steady import start_scatter
 from bha.support.shown import short_repr
 
@@ -69,6 +66,7 @@ class Investigation:
     """A diagnosis with what the report and the new parameter file need.
 
     Attributes:
+        arm: the arm from whose values the plain model began: the file's, or one moved from it.
         diagnosis: the result.
         model: the last model, the plain one unless effects were named.
         x: its coordinates.
@@ -79,6 +77,7 @@ class Investigation:
         uncertainty: 95 % interval of every coordinate of ``model``.
     """
 
+    arm: Arm
     diagnosis: Diagnosis
     model: Model
     x: Array
@@ -104,7 +103,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     tolerance: float = 0.0,
 ) -> Investigation:
     """Diagnose the arm of ``logs``; see :func:`bha.diagnose`."""
-    arm, commanded = logs[0].acting, logs[0].pressures.sort == "commanded"
+    arm, commanded = logs[0].arm, logs[0].pressures.sort == "commanded"
     begin = time.monotonic()
     rules, limits = rules or Rules(), limits or Thresholds()
 
@@ -117,17 +116,24 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     repeated = repeats(train)
     train, held = with_repeat_noise(train, repeated), with_repeat_noise(held, repeated)
     heads, lengths = _measured(train, arm)
-    model = replace(plain_model(arm, camera=heads), integration=Integration(threads=threads))
-    say("choosing the integration step")
-    prepared = prepare_runs(model, train)
-    model = replace(model.on(prepared.records), integration=prepared.integration(threads))
-    say("re-identifying the plain model")
-    options = (commanded, seed, rules, prepared.step, kinds)
-    sensors = arm.parameters.sensors if heads else None
-    inputs = json.dumps([model.core, sensors and sensors.model_dump(mode="json")])
-    cache = Cache(cache_folder, key_of(inputs, [*train, *held], options))
+    sensors = arm.parameters.sensors and arm.parameters.sensors.model_dump(mode="json")
+    inputs = json.dumps([arm.parameters.to_core(), sensors])
+    cache = Cache(cache_folder, key_of(inputs, [*train, *held], (commanded, heads, seed, rules, kinds)))
     scatter = start_scatter([*train, *held])
-    baseline = fit_baseline(model, prepared, seed, cache, scatter)
+    plain = fit_plain(
+        arm,
+        train,
+        commanded=commanded,
+        camera=heads,
+        faults=faults,
+        seed=seed,
+        threads=threads,
+        cache=cache,
+        scatter=scatter,
+        tell=say,
+    )
+    baseline, prepared = plain.baseline, plain.prepared
+    model = baseline.fit.model
     problem, plain_fit = baseline.problem, baseline.fit
     holdout = _holdout(baseline, prepared, held)
     held = list(holdout.readings.records)
@@ -213,12 +219,13 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         lambda trial: rms_errors(prediction, trial.prediction)[1],
         tolerance,
     )
-    if faults:
-        diagnosis = diagnosis.model_copy(update={"setup": [*(fault.in_a_line() for fault in faults), *diagnosis.setup]})
+    setup = [*(fault.in_a_line() for fault in faults), *plain.said, *diagnosis.setup]
+    diagnosis = diagnosis.model_copy(update={"setup": setup})
     if state.complete:
         cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
     return Investigation(
+        arm=plain.arm,
         diagnosis=diagnosis,
         model=fit.model,
         x=fit.x,

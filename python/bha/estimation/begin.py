@@ -19,7 +19,7 @@ from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
 from bha.estimation.asked import Asked, dead_time, delayed, material_that_creeps, unlike_chambers
 from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
-from bha.estimation.dynamics import Trial, seen_times, trials, valleys
+from bha.estimation.dynamics import LITTLE, Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.lags import PATHS
@@ -77,6 +77,7 @@ def begin(
     *,
     whole: bool,
     splits: bool = False,
+    enough: float = LITTLE,
     threads: int | None = None,
     tell: Tell | None = None,
 ) -> Begin:
@@ -88,6 +89,7 @@ def begin(
         free: what is to be estimated.
         whole: whether simulations must run over whole logs, because pressures have a memory.
         splits: whether damping of bending may become a parameter of its own (:mod:`bha.estimation.apart`).
+        enough: part of each channel's motion, beyond noise, that the file's own values may leave to be the start.
         threads: of the simulations.
         tell: called with what is being done and the fraction done.
 
@@ -102,7 +104,7 @@ def begin(
     file = np.zeros(len(coordinates))
     tell("the file's own values", 0.0)
     own = trials(model, [file], whole=whole)[0]
-    if own.explains:
+    if own.share < enough:
         return Begin(arm, _started(coordinates, file), None, own, (), True)
     tell("held poses", 0.1)
     found = _searched(arm, free, model, whole=whole, splits=splits)

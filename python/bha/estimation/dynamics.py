@@ -36,8 +36,8 @@ _HOLDS = {"damping": "stiffness", "axial_damping": "axial_stiffness"}
 _WINDOW, _BUDGET = 6.0, 36.0
 #: Rows this far apart are enough, s, and the step of the integrator.
 _INTERVAL, _STEP = 0.05, 0.01
-#: A point explains a channel if it leaves no more than so many noises, or this part of its motion.
-_NOISES, _SHARE = 3.0, 0.05
+#: What a point leaves of a channel within so many noises is nothing; this part of its motion is little.
+_NOISES, LITTLE = 3.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class Trial:
         z: coordinates of all free parameters, shape (p,).
         merit: sum over channels of the logarithm of what a simulation leaves, in noises; infinite where it fails.
         spread: the root mean square over channels of what it leaves, m.
-        explains: whether it leaves no more of any channel than a few noises or a small part of its motion.
+        share: the greatest part of a channel's motion that it leaves, beyond a few noises; infinite where it fails.
     """
 
     z: Array
     merit: float
     spread: float
-    explains: bool
+    share: float
 
 
 def trials(model: Model, starts: Sequence[Array], *, whole: bool) -> list[Trial]:
@@ -163,10 +163,10 @@ def _states(model: Model, z: Array, pieces: Sequence[Window]) -> Array | None:
 
 def _judged(model: Model, z: Array, pieces: Sequence[Window], shown: Sequence[Array] | None) -> Trial:
     """What a simulation leaves."""
-    failed = Trial(z, math.inf, math.inf, False)
+    failed = Trial(z, math.inf, math.inf, math.inf)
     if shown is None or not all(np.all(np.isfinite(table)) for table in shown):
         return failed
-    merit, squares, explains = 0.0, [], True
+    merit, squares, share = 0.0, [], 0.0
     for number, rec in enumerate(model.records):
         own = [(w, table) for w, table in zip(pieces, shown, strict=True) if w.record == number]
         if not own:
@@ -178,5 +178,6 @@ def _judged(model: Model, z: Array, pieces: Sequence[Window], shown: Sequence[Ar
             left, noise = float(np.nanmean(errors[:, c] ** 2)), float(rec.noise[c])
             squares.append(left)
             merit += 0.5 * math.log(1.0 + left / noise**2)
-            explains &= left < (_NOISES * noise) ** 2 + (_SHARE * float(np.nanstd(motion[:, c]))) ** 2
-    return Trial(z, merit, float(np.sqrt(np.mean(squares))), explains) if squares else failed
+            if (beyond := left - (_NOISES * noise) ** 2) > 0.0:
+                share = max(share, math.sqrt(beyond) / max(float(np.nanstd(motion[:, c])), 1e-9))
+    return Trial(z, merit, float(np.sqrt(np.mean(squares))), share) if squares else failed

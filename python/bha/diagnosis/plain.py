@@ -1,0 +1,164 @@
+"""The plain model re-identified, from the file's values or, where these lead nowhere, from statics and a search.
+
+What: the plain fit (:mod:`bha.diagnosis.baseline`) is a local one. A data sheet's values are near enough; those of a
+tape measure are off by factors, and then the fit diverges or ends in another valley. Where it leaves much of the
+motion, or nothing comes of it, it is made again from where an identification would begin
+(:mod:`bha.estimation.begin`), and the better of the two counts. Lags of commands are not looked for here: they are
+physics that a diagnosis names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.arm import Arm
+from bha.diagnosis.baseline import Baseline, Prepared, fit_baseline, prepare_runs
+from bha.diagnosis.cache import Cache
+from bha.diagnosis.decide import faults_in_words
+from bha.diagnosis.model import plain_model
+from bha.errors import BhaError, ConvergenceError, InputError
+from bha.estimation.begin import begin
+from bha.estimation.free import apply, resolve
+from bha.estimation.records import Record
+from bha.estimation.refinement import remembers
+from bha.estimation.runs import Integration
+from bha.estimation.scale import default_free_of
+from bha.parameters import ArmParameters
+
+if TYPE_CHECKING:
+    from bha.checkup import Finding
+
+Array = NDArray[np.float64]
+Tell = Callable[[str, float | None], None]
+
+#: Part of the motion (RMS over all outputs) that a plain fit may leave and still counts as found. Physics that is
+#: missing leaves 0.01 to 0.15 of it in the blind worlds; a fit in the wrong valley 0.3 and more.
+FOUND = 0.2
+
+
+@dataclass(frozen=True)
+class Plain:
+    """The plain model.
+
+    Attributes:
+        arm: the arm whose values it began from, as its file would be: the file's own, or one moved from it.
+        baseline: the fit.
+        prepared: step and thinned logs.
+        moved: whether it began from other values than the file's.
+    """
+
+    arm: Arm
+    baseline: Baseline
+    prepared: Prepared
+    moved: bool = False
+
+    @property
+    def said(self) -> list[str]:
+        """What is to be said of where it began."""
+        if not self.moved:
+            return []
+        return ["the plain model began where held poses and a search over dampings say, not at the file's values"]
+
+    @property
+    def left(self) -> float:
+        """Part of the motion of the training logs that it leaves, RMS over all outputs."""
+        errors, motions = [], []
+        for record, shown in zip(self.prepared.records, self.baseline.fit.outputs, strict=True):
+            usable = record.usable
+            errors.append((record.measured - shown)[usable])
+            middle = np.nanmean(np.where(usable, record.measured, np.nan), axis=0)
+            motions.append((record.measured - middle)[usable])
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2) / np.mean(np.concatenate(motions) ** 2)))
+
+
+def fit_plain(
+    arm: Arm,
+    train: Sequence[Record],
+    *,
+    commanded: bool,
+    camera: bool,
+    faults: Sequence[Finding],
+    seed: int,
+    threads: int | None,
+    cache: Cache,
+    scatter: Array | None,
+    tell: Tell,
+) -> Plain:
+    """The plain model of some logs.
+
+    Args:
+        arm: the file's arm.
+        train: the training logs.
+        commanded: whether their pressures are commands, which pass through the arm's pneumatics.
+        camera: whether heads are seen, by a camera whose frame is free.
+        faults: by what logs and file do not belong together; no other start is looked for then.
+        seed: of draws.
+        threads: of simulations.
+        cache: of finished fits.
+        scatter: what sets logs apart that begin alike, m, shape (channels,).
+        tell: called with what is being done.
+
+    Raises:
+        ConvergenceError: the simulation diverges from every start.
+        InputError: it diverges, and logs and file do not belong together.
+    """
+
+    def fitted(start: Arm, label: str) -> Plain:
+        acting = start if commanded else start.with_changes(pneumatics="ideal")
+        model = replace(plain_model(acting, camera=camera), integration=Integration(threads=threads))
+        tell("choosing the integration step", None)
+        prepared = prepare_runs(model, train)
+        model = replace(model.on(prepared.records), integration=prepared.integration(threads))
+        tell("re-identifying the plain model", None)
+        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label), prepared, bool(label))
+
+    first: Plain | None = None
+    try:
+        first = fitted(arm, "")
+        if first.left < FOUND or faults:
+            return first
+    except ConvergenceError as error:
+        if faults:
+            raise InputError(f"{faults_in_words(faults)}. With that {error}") from error
+        why = error
+    tell("looking for where to begin", None)
+    start = _begun(arm, train, threads)
+    if start is None:
+        if first is None:
+            raise why
+        return first
+    try:
+        second = fitted(start, "begun")
+    except ConvergenceError:
+        if first is None:
+            raise why from None
+        return first
+    return second if first is None or second.left < first.left else first
+
+
+def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
+    """The arm from which an identification of these logs would begin; None where that is the file's."""
+    try:
+        free = default_free_of(arm.parameters, train)
+        found = begin(arm, train, free, whole=remembers(arm, train), enough=0.0, threads=threads)
+        if found.from_file:
+            return None
+        coordinates = resolve(found.arm.parameters, found.free)
+        moved = apply(found.arm.parameters, coordinates, np.zeros(len(coordinates)))
+        return arm.with_parameters(_with_free_areas(moved, arm.parameters))
+    except BhaError:
+        return None
+
+
+def _with_free_areas(moved: ArmParameters, file: ArmParameters) -> ArmParameters:
+    """The parameters with areas that are not the file's marked as assumed: the plain fit then goes on with them."""
+    mapping = moved.to_mapping()
+    for table, own, before in zip(mapping["section"], moved.sections, file.sections, strict=True):
+        if own.terminal_area != before.terminal_area:
+            table["provenance"] = {**table.get("provenance", {}), "terminal_area": {"status": "assumed"}}
+    return moved.updated({"section": mapping["section"]})
