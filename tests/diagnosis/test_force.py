@@ -18,7 +18,10 @@ from bha.diagnosis import ResidualTable
 from bha.diagnosis.force import Lever, ResidualForce, estimated, residual_force
 from bha.diagnosis.force_law import follow
 from bha.diagnosis.force_smoother import Forces, Motion, smooth
+from bha.diagnosis.force_summary import hidden_of
 from bha.diagnosis.force_table import NO_CAUSE, Bellows, Curve
+from bha.diagnosis.result import ForceAlong
+from bha.diagnosis.written import remove_outdated
 from bha.errors import InputError
 from bha.estimation.records import Record
 
@@ -91,6 +94,15 @@ def test_heads_tell_it_too_and_one_axis_of_a_head_does_not() -> None:
     assert np.mean(np.abs(errors) < 1.96 * deviations) > 0.9
     records, _ = hidden_runs("-40 * max(qd, 0)", ("z1",))
     assert np.all(residual_force(one_section(), records, np.full(1, NOISE)).told < 0.6)
+
+
+def test_no_force_to_speak_of_is_told_and_a_wide_band_is_not() -> None:
+    def line(name: str, rms: float, deviation: float, told: float) -> ForceAlong:
+        return ForceAlong(name=name, where=name, rms=rms, deviation=deviation, told=told)
+
+    lines = [line("f11", 1.4, 0.5, 0.93), line("f21", 0.06, 0.2, 0.3), line("f31", 1.0, 2.0, 0.3)]
+    assert [found.name for found in hidden_of(lines)] == ["f31"]
+    assert len(hidden_of(lines[1:])) == 2
 
 
 def test_beside_memory_there_is_none_and_it_says_so() -> None:
@@ -221,6 +233,7 @@ def test_what_nothing_explains_ends_as_a_force_and_a_table_that_predicts_better(
     assert table.before == found.gap.before
     assert "a correction, no cause" in force.reason
     assert bha.diagnosis.Diagnosis.model_validate_json(found.to_json()) == found
+    again = found.model_copy(update={"residual_force": None})
     rows = np.genfromtxt(tmp_path / "residual_force.csv", delimiter=",", names=True, deletechars="", dtype=None)
     names = rows.dtype.names
     assert names is not None
@@ -241,3 +254,6 @@ def test_what_nothing_explains_ends_as_a_force_and_a_table_that_predicts_better(
     assert plain["notes"] == []
     assert "no cause" in carried["notes"][0]
     assert "no cause" in carried["arm"]
+    # A diagnosis into the same folder that leaves none takes the old one away.
+    remove_outdated(tmp_path, again)
+    assert {path.name for path in tmp_path.iterdir()} == {"arm_diagnosed.toml", "diagnosis.json", "held_out.csv"}

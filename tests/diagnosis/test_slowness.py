@@ -10,8 +10,10 @@ import pytest
 import bha
 from bha.diagnosis import Diagnosis, headline
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.slowness import divided, relaxation
+from bha.diagnosis.result import Alternative
+from bha.diagnosis.slowness import divided, lag_or_damping, relaxation
 from bha.estimation.lags import common_with
+from bha.estimation.records import record
 
 from .synthetic import one_section
 
@@ -58,6 +60,13 @@ def test_a_lag_that_is_much_the_longer_one_is_named_although_the_plain_model_too
     assert found.plain["section 1 damping"].value == pytest.approx(0.2 * STIFFNESS, rel=0.15)
     # What the camera of the plain model says of the pose is not held against a model with another one.
     assert found.gap.after < 1.15 * found.gap.noise
+    # A refit with another sort of slowness that is as good leaves nothing told, whatever the numbers say.
+    other = Alternative(kind="bending_damping", where="all")
+    torn = found.model_copy(update={"effects": [found.effects[0].model_copy(update={"one_of": [other]})]})
+    arm = slow_arm(0.2)
+    records = [record(arm, log, pressures="commanded") for log in commanded_logs(arm, 0.6)[:2]]
+    assert lag_or_damping(found, arm, records) == found
+    assert lag_or_damping(torn, arm, records).effects[0].slow[0].along == pytest.approx(0.6 + 0.2, rel=0.1)
 
 
 def test_two_stages_alike_are_one_class_with_their_common_time_and_what_splits_it() -> None:

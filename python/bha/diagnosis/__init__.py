@@ -160,4 +160,5 @@ def diagnose(
 
                 write_report(outcome, diagnosed, folder / "report.html", force)
             outcome.diagnosis.write(folder / "diagnosis.json")
+            written.remove_outdated(folder, outcome.diagnosis)
     return outcome.diagnosis

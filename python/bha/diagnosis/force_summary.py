@@ -39,6 +39,8 @@ FORCE_FILE, TABLE_FILE = "residual_force.csv", "residual_table.toml"
 LEAST_GAIN = 0.05
 #: Share of an unknown force's variance that readings must take away for it to count as told.
 TOLD = 0.5
+#: Band of a force, over the greatest one's RMS, that is small.
+SMALL = 0.5
 #: Two-sided 95 % of a normal distribution.
 BAND = 1.96
 
@@ -62,13 +64,22 @@ class Unexplained:
 
 def unexplained(outcome: Investigation, arm: Arm) -> Unexplained:
     """The residual force beside ``arm``, the diagnosed one."""
+    if not outcome.diagnosis.complete:
+        return Unexplained(ResidualForceFound(reason="no residual force: the search was interrupted"))
+    try:
+        return _unexplained(outcome, arm)
+    except KeyboardInterrupt:
+        return Unexplained(ResidualForceFound(reason="no residual force: its estimation was interrupted"))
+
+
+def _unexplained(outcome: Investigation, arm: Arm) -> Unexplained:
     train, held = outcome.baseline.problem.records, outcome.holdout.problem.records
     records = [*train, *held]
     force = estimated(arm, records, _white(outcome.baseline.noise, records))
     if isinstance(force, str):
         return Unexplained(ResidualForceFound(reason=f"no residual force: {force}"))
     along = _along(force)
-    hidden = [line for line in along if line.told < TOLD]
+    hidden = hidden_of(along)
     if len(hidden) == len(along):
         text = "no residual force: these readings do not tell it; more sensors, or all lengths, would"
         return Unexplained(ResidualForceFound(reason=text, along=along, correlation_time=force.correlation_time), force)
@@ -109,6 +120,16 @@ def _along(force: ResidualForce) -> list[ForceAlong]:
         )
         for k, (rms, wide, told) in enumerate(zip(force.rms, deviation, force.told, strict=True))
     ]
+
+
+def hidden_of(along: Sequence[ForceAlong]) -> list[ForceAlong]:
+    """Coordinates along which the readings do not tell the force.
+
+    Where there is next to none its size has shrunk to what the readings leave open: small against the others, that
+    is told.
+    """
+    greatest = max((line.rms for line in along if line.told >= TOLD), default=0.0)
+    return [line for line in along if line.told < TOLD and line.deviation > SMALL * greatest]
 
 
 def _in_words(along: Sequence[ForceAlong], force: ResidualForce, hidden: Sequence[ForceAlong]) -> str:

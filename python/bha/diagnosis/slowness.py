@@ -158,8 +158,10 @@ def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Dia
     if any(_knows_ways(e) for e in slow):
         return found
     lag, error = _lag(slow)
-    times = _without_swing(arm, records, lag, error)
-    if not times or all(time.told for time in times):
+    # Where a refit with the other sort of slowness is as good, the logs do not tell, whatever the arm that was found.
+    rivals = any(other.kind in SLOW for e in slow for other in e.one_of)
+    times = _times(arm, records, lag, error, swinging=rivals)
+    if not times or (not rivals and all(time.told for time in times)):
         return found
     if slow:
         return _with_class(found, slow, times)
@@ -200,8 +202,8 @@ def _lag(effects: Sequence[Effect]) -> tuple[float, float]:
     return total, error
 
 
-def _without_swing(arm: Arm, records: Sequence[Record], lag: float, error: float) -> tuple[CommonTime, ...]:
-    """The common times of an arm whose slowest motion does not swing; none of one that does."""
+def _times(arm: Arm, records: Sequence[Record], lag: float, error: float, *, swinging: bool) -> tuple[CommonTime, ...]:
+    """The common times of an arm; none of one whose slowest motion swings, unless that is ``swinging`` all the same."""
     pressures = mean_pressures(records)
     try:
         q = arm.static_lengths(pressures)
@@ -210,7 +212,8 @@ def _without_swing(arm: Arm, records: Sequence[Record], lag: float, error: float
         return ()
     modes = np.linalg.eigvals(state)
     slowest = modes[np.argmin(np.abs(modes.real))]
-    return common_with(arm, pressures, lag, error) if abs(slowest.imag) < 1e-6 * abs(slowest) else ()
+    still = abs(slowest.imag) < 1e-6 * abs(slowest)
+    return common_with(arm, pressures, lag, error) if still or swinging else ()
 
 
 def _sections(times: Sequence[CommonTime]) -> list[SlowSection]:

@@ -19,7 +19,7 @@ from bha.support.files import check_target
 
 if TYPE_CHECKING:
     from bha.arm import Arm
-    from bha.diagnosis.result import Number
+    from bha.diagnosis.result import Diagnosis, Number
     from bha.diagnosis.splitting import Splitting
     from bha.diagnosis.workflow import Investigation
     from bha.logs import Log
@@ -63,6 +63,22 @@ def check_results(folder: Path, *, report: bool) -> None:
             raise FileError(f"{path}: cannot be read: {way_out(error)}") from error
         if begins and mark.search(begins) is None:
             raise InputError(f"{path}: was not written by bha diagnose; move it away, or name another folder")
+
+
+def remove_outdated(folder: Path, found: Diagnosis) -> None:
+    """Remove what an earlier diagnosis left in the folder and this one does not have: a proposal, a residual force.
+
+    Only after :func:`check_results`, which says that they are those of a diagnosis.
+    """
+    force = found.residual_force
+    has = {
+        NEXT_EXPERIMENT: found.next_experiment is not None,
+        FORCE_FILE: force is not None and force.file is not None,
+        TABLE_FILE: force is not None and force.table is not None,
+    }
+    for name, kept in has.items():
+        if not kept:
+            (folder / name).unlink(missing_ok=True)
 
 
 def made_by(command: str, seed: int, train: Sequence[Recording], held: Sequence[Recording]) -> Made:
