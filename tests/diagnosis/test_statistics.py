@@ -17,6 +17,7 @@ from bha.diagnosis.catalogue import available
 from bha.diagnosis.memory import memory, numbers_per_independent
 from bha.diagnosis.preparation import cut_to, thin
 from bha.diagnosis.screen import Signatures, score
+from bha.diagnosis.select import told
 
 from .synthetic import record_of
 
@@ -64,6 +65,11 @@ def test_draws_have_the_memory_of_the_residual() -> None:
 
 def screened(rng: np.random.Generator, tau: float, share: float, seed: int) -> Any:
     """The screening of a drawn residual of three logs, of which the first of 60 candidates makes up ``share``."""
+    return score(*drawn_fit(rng, tau, share), seed)
+
+
+def drawn_fit(rng: np.random.Generator, tau: float, share: float) -> tuple[Any, Any, Signatures]:
+    """Logs, the fit that leaves such a residual, and the signatures of the candidates."""
     rows, logs, candidates = 300, 3, 60
     size = rows * CHANNELS
 
@@ -89,7 +95,7 @@ def screened(rng: np.random.Generator, tau: float, share: float, seed: int) -> A
     plan = next(p for p in available(None) if p.kind == "length_offset")
     chosen = tuple(Candidate(plan, f"bellows {k}", {}) for k in range(candidates))
     signatures = Signatures(chosen, tuple(((k,),) for k in range(candidates)), table.astype(np.float32))
-    return score(problem, fit, signatures, seed)
+    return problem, fit, signatures
 
 
 @pytest.mark.parametrize("tau", [0.0, 2.0])
@@ -113,6 +119,19 @@ def test_an_effect_is_found_in_a_slow_residual() -> None:
         assert found.chance(found.ranking[0].score) == 1.0 / 200.0
         # What explains nothing is nothing.
         assert found.chance(0.0) == 1.0
+
+
+def test_a_rival_is_told_from_the_chosen_set_where_chance_would_not_make_it_so_much_worse() -> None:
+    problem, fit, signatures = drawn_fit(np.random.default_rng(14), 2.0, 0.0)
+    squares = float(fit.residual @ fit.residual)
+
+    def trial(share: float) -> Any:
+        return SimpleNamespace(fit=SimpleNamespace(**{**vars(fit), "squares": share * squares, "prior": 0.0}))
+
+    assert told(problem, signatures, trial(1.0), trial(0.8)) <= 0.01
+    assert told(problem, signatures, trial(1.0), trial(0.9999)) > 0.05
+    # One that is even better is not told from it either.
+    assert told(problem, signatures, trial(1.0), trial(1.1)) == 1.0
 
 
 def linear(rng: np.random.Generator, lengths: tuple[int, ...]) -> tuple[Any, Any, Array]:

@@ -22,7 +22,7 @@ from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
 from bha.diagnosis.result import Alternative, CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
 from bha.diagnosis.screen import Signatures
-from bha.diagnosis.select import Search
+from bha.diagnosis.select import Search, told
 from bha.estimation.records import Record
 from bha.estimation.terms import element_of, number_of
 
@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 #: Difference of criteria below which an effect in place of another is not told from it: twice the logarithm of the odds
 #: e^3, "positive" evidence at most in the table of Kass and Raftery (1995).
 ALIKE = 6.0
+#: The same is told from it where, were the other one right, the set that was chosen would be so much better by chance
+#: with this probability at most; asked of so many that are nearest.
+TOLD, MOST_RIVALS = 0.05, 5
 
 
 def describe(
@@ -79,7 +82,9 @@ def describe(
     if state.screening is not None and best:
         alike = excitation.compare(state.screening, signatures, best)
     effects = (
-        _effects(state, alike, final, uncertainty, draws, problem, correlation, seed, best, errors[0]) if named else []
+        _effects(state, alike, final, uncertainty, draws, problem, correlation, seed, best, errors[0], signatures)
+        if named
+        else []
     )
     confused = [e.kind for e in effects if e.one_of]
     confused += [other.kind for e in effects for other in e.one_of]
@@ -187,6 +192,7 @@ def _effects(
     seed: int,
     best: dict[tuple[str, str], excitation.Best],
     noise: float,
+    signatures: Signatures,
 ) -> list[Effect]:
     result = []
     places: dict[tuple[str, str], list[int]] = {}
@@ -210,7 +216,9 @@ def _effects(
         # Refining a bank moves it to the end.
         place = chosen.key.index(candidate.key)
         rivals = _rivals(state, chosen, place, problem, correlation)
-        alike = {t.key[place]: _alternative(t, place) for t, distance in rivals if distance < ALIKE}
+        near = [t for t, distance in rivals if distance < ALIKE][:MOST_RIVALS]
+        untold = [t for t in near if told(problem, signatures, t, chosen) > TOLD]
+        alike = {t.key[place]: _alternative(t, place) for t in untold}
         refitted = {t.key[place] for t, _ in rivals}
         for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
             promised = best.get((kind, where))

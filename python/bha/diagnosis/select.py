@@ -210,6 +210,11 @@ def _gain(smaller: Trial, larger: Trial) -> float:
     return before - after
 
 
+def told(problem: Problem, signatures: Signatures, rival: Trial, chosen: Trial) -> float:
+    """How likely the chosen set were so much better by chance, were its rival right: p-value over all candidates."""
+    return score(problem, rival.fit, signatures).chance(_gain(rival, chosen))
+
+
 def _by_chance(chance: float) -> str:
     return f"the best of all candidates brings as much by chance with p = {chance:.3f}"
 
