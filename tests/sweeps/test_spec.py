@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import bha
@@ -72,6 +73,7 @@ MASS = {"what": "section.1.mass", "distribution": "uniform", "low": 0.5, "high":
         ({"input": {"pressures": [1e5, 1e5, -1.0]}}, r"input.pressures: found .*; allowed: a list of numbers >= 0"),
         ({"input": {"logs": ["none.csv"]}}, "none.csv"),
         ({"input": {"pressures": [1e5] * 3, "log_missing": True}}, "log_missing: found true; allowed: only with logs"),
+        ({"input": {"pressures": [1e5] * 3, "log_columns": "m"}}, 'log_columns: found "m"; allowed: only with logs'),
         ({"initial": {"lengths": [0.1, 0.1, 0.1], "pressures": [1e5] * 3}}, "initial: found both"),
         ({"initial": {"lengths": [0.1] * 6}}, "lengths: found 6 numbers; allowed: 3"),
         ({"simulation": {}}, "simulation: duration: missing"),
@@ -135,6 +137,26 @@ def test_missing_samples_of_a_log_where_they_are_allowed(tmp_path: Path) -> None
     assert bha.sweeps.SweepSpec.from_mapping(mapping).with_missing().input.log_missing
     with pytest.raises(bha.InputError, match="the sweep has none"):
         bha.sweeps.SweepSpec.from_mapping(spec(tmp_path)).with_missing()
+
+
+def test_logs_of_another_layout_by_a_mapping_file(tmp_path: Path) -> None:
+    write_log(tmp_path / "run.csv", 0.1, seed=0)
+    heading, _, rest = (tmp_path / "run.csv").read_text().partition("\n")
+    names = [f"channel {k}" for k in range(heading.count(",") + 1)]
+    (tmp_path / "other.csv").write_text(f"{','.join(names)}\n{rest}")
+    columns = "\n".join(f'"{own}" = "{column}"' for own, column in zip(names, heading.split(","), strict=True))
+    (tmp_path / "map.toml").write_text(f'schema = "bha-columns/1"\n[columns]\n{columns}\n')
+    mapping = spec(tmp_path, input={"logs": [str(tmp_path / "other.csv")]}, initial={})
+    with pytest.raises(bha.LogError):
+        bha.sweeps.make_plan(mapping)
+    stated = mapping | {"input": {**mapping["input"], "log_columns": str(tmp_path / "map.toml")}}
+    (drive,) = bha.sweeps.make_plan(stated).inputs
+    right = spec(tmp_path, input={"logs": [str(tmp_path / "run.csv")]}, initial={})
+    np.testing.assert_array_equal(drive.pressures, bha.sweeps.make_plan(right).inputs[0].pressures)
+    made = bha.sweeps.SweepSpec.from_mapping(mapping).with_columns(tmp_path / "map.toml")
+    assert made.input.log_columns == str(tmp_path / "map.toml")
+    with pytest.raises(bha.InputError, match="the sweep has none"):
+        bha.sweeps.SweepSpec.from_mapping(spec(tmp_path)).with_columns("map.toml")
 
 
 def test_results_follow_from_the_fingerprint(tmp_path: Path) -> None:

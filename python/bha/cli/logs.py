@@ -9,7 +9,6 @@ from typing import get_args
 import click
 
 from bha.arm import Arm
-from bha.logs import Log
 from bha.recordings import PressureSort, Recording, recordings
 
 #: Which pressures of a log drive the arm.
@@ -49,6 +48,4 @@ def read_logs(
 
     What is to be warned of is said when they are checked.
     """
-    ambient = arm.parameters.ambient_pressure
-    logs = [Log.read(path, ambient_pressure=ambient, missing=missing, mapping=mapping) for path in paths]
-    return recordings(arm, logs, pressures=pressures, missing=missing, warn=False)
+    return recordings(arm, paths, pressures=pressures, missing=missing, mapping=mapping, warn=False)

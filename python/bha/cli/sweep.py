@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from bha.cli.common import INTERRUPTED, console, json_option, print_json, progress_bar, reports_errors, say, table
-from bha.cli.logs import missing_option
+from bha.cli.logs import columns_option, missing_option
 from bha.errors import FileError, InputError
 from bha.sweeps import Summary, SweepSpec, summarize
 from bha.sweeps import sweep as run_sweep
@@ -20,9 +20,18 @@ from bha.sweeps import sweep as run_sweep
 @click.option("--threads", type=click.IntRange(min=1), help="Number of threads; all processors if left out.")
 @click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, tcp://host:8786.")
 @missing_option
+@columns_option
 @json_option
 @reports_errors
-def sweep(spec: Path, out: Path | None, threads: int | None, dask: str | None, missing: bool, as_json: bool) -> None:
+def sweep(
+    spec: Path,
+    out: Path | None,
+    threads: int | None,
+    dask: str | None,
+    missing: bool,
+    mapping: Path | None,
+    as_json: bool,
+) -> None:
     """Run the sweep that the file SPEC says (schema bha-sweep/1), or what is missing of it.
 
     The folder gets sweep.json and part-000000.parquet and so on, each partition whole or not at all. After Ctrl-C or
@@ -41,7 +50,9 @@ def sweep(spec: Path, out: Path | None, threads: int | None, dask: str | None, m
                     started = True
                 bar.update(task, completed=done)
 
-            read = SweepSpec.read(spec).with_missing() if missing else spec
+            read = SweepSpec.read(spec)
+            read = read.with_missing() if missing else read
+            read = read if mapping is None else read.with_columns(mapping)
             found = run_sweep(read, folder, threads=threads, dask=dask, progress=tell)
     except KeyboardInterrupt:
         _interrupted(folder)

@@ -36,12 +36,13 @@ class Readings:
         *,
         pressures: PressureSort | None = None,
         missing: bool = False,
+        mapping: str | os.PathLike[str] | None = None,
         name: str | None = None,
     ) -> None:
         """Read a log, or the path of one, as :class:`bha.Recording` does."""
         if not isinstance(log, Log):
             ambient = arm.parameters.ambient_pressure
-            log = Log.read(log, ambient_pressure=ambient, missing=missing)
+            log = Log.read(log, ambient_pressure=ambient, missing=missing, mapping=mapping)
         self.arm = arm
         self.log = log.with_ambient_pressure(arm.parameters.ambient_pressure)
         self.name = name or (log.path.name if log.path is not None else "<arrays>")

@@ -60,6 +60,7 @@ class Recording(Readings):
         *,
         pressures: PressureSort | None = None,
         missing: bool = False,
+        mapping: str | os.PathLike[str] | None = None,
         name: str | None = None,
         warn: bool = True,
     ) -> None:
@@ -71,6 +72,7 @@ class Recording(Readings):
             pressures: ``"measured"`` or ``"commanded"`` ones drive the arm; if None measured ones where the log has
                 them, else commanded ones.
             missing: with a path: take NaN and empty cells of measured outputs as missing samples.
+            mapping: with a path: a mapping file, as for :meth:`bha.Log.read`.
             name: what to call it; the file's name if None.
             warn: whether to warn of the findings.
 
@@ -82,7 +84,7 @@ class Recording(Readings):
         Warns:
             LogWarning: each of the findings.
         """
-        super().__init__(arm, log, pressures=pressures, missing=missing, name=name)
+        super().__init__(arm, log, pressures=pressures, missing=missing, mapping=mapping, name=name)
         self._judge_together()
         self.findings = tuple(self._found())
         if warn:
@@ -242,6 +244,7 @@ def recordings(
     *,
     pressures: PressureSort | None = None,
     missing: bool = False,
+    mapping: str | os.PathLike[str] | None = None,
     warn: bool = True,
 ) -> list[Recording]:
     """Recordings of a log or several by one arm, all with the same sort of pressures: of the first, if not asked for.
@@ -261,7 +264,7 @@ def recordings(
                 raise InputError(f"{item.name}: a recording of {item.arm.name}, not of {arm.name}")
             made.append(item)
         else:
-            made.append(Recording(arm, item, pressures=pressures, missing=missing, warn=warn))
+            made.append(Recording(arm, item, pressures=pressures, missing=missing, mapping=mapping, warn=warn))
         pressures = pressures or made[0].pressures.sort
     return made
 

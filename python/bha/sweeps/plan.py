@@ -208,7 +208,9 @@ def _recordings(spec: SweepSpec, arm: Arm) -> list[Recording]:
     for name, path in zip(spec.input.logs or (), paths, strict=True):
         if not os.path.exists(path):
             raise spec.fault(("input", "logs"), f"found {shown(name)}; allowed: files that exist (from {spec.folder})")
-    return recordings(arm, paths, pressures=spec.input.log_pressures, missing=spec.input.log_missing)
+    given = spec.input
+    mapping = None if given.log_columns is None else spec.folder / given.log_columns
+    return recordings(arm, paths, pressures=given.log_pressures, missing=given.log_missing, mapping=mapping)
 
 
 def _inputs(spec: SweepSpec, arm: Arm, recorded: Sequence[Recording]) -> tuple[tuple[Input, ...], list[str]]:

@@ -55,6 +55,12 @@ class InputTable(Table):
         "take NaN and empty cells of measured outputs of the logs as missing samples, as with --missing",
         default=False,
     )
+    log_columns: Annotated[str, Field(strict=True)] | None = key(
+        "a mapping file",
+        "which part of a log of another format is which column, as with --columns",
+        left_out="LOG.columns.toml or columns.toml beside the log",
+        default=None,
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -67,6 +73,8 @@ class InputTable(Table):
             raise table_error(f'found "{self.log_pressures}"; allowed: only with logs', "log_pressures")
         if self.logs is None and self.log_missing:
             raise table_error("found true; allowed: only with logs", "log_missing")
+        if self.logs is None and self.log_columns is not None:
+            raise table_error(f'found "{self.log_columns}"; allowed: only with logs', "log_columns")
         return self
 
 
@@ -226,6 +234,17 @@ class SweepSpec(Table):
         if self.input.logs is None:
             raise InputError("missing samples are those of logs; the sweep has none")
         return self.model_copy(update={"input": self.input.model_copy(update={"log_missing": True})})
+
+    def with_columns(self, mapping: str | os.PathLike[str]) -> Self:
+        """The same sweep with a mapping file for its logs; a relative path starts at the current folder.
+
+        Raises:
+            InputError: it has no logs.
+        """
+        if self.input.logs is None:
+            raise InputError("a mapping file is that of logs; the sweep has none")
+        columns = os.path.abspath(mapping)
+        return self.model_copy(update={"input": self.input.model_copy(update={"log_columns": columns})})
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
