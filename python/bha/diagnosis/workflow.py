@@ -43,6 +43,7 @@ from bha.diagnosis.result import Diagnosis
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.select import Rules, Search, search
 from bha.diagnosis.smoothing import smoothed
+from bha.diagnosis.unlogged import unlogged
 from bha.diagnosis.where import locate
 from bha.errors import InputError
 from bha.estimation.engine import Model
@@ -194,7 +195,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     for record, end in zip(held, until, strict=True):
         if np.isfinite(end):
             state.notes.append(f"{record.name}: compared up to {end:.1f} s; after that a model runs away")
-    verdict = without_faults(decide(state, gap, noise_rms, limits, tolerance), faults)
+    decision = decide(state, gap, noise_rms, limits, tolerance)
+    if decision.verdict == "unexplained" and state.complete and np.isfinite(gap.mean_square):
+        beside = unlogged(problem, plain_fit, holdout, prediction)
+        decision = decision if beside is None else beside.judge(decision, noise_rms)
+    verdict = without_faults(decision, faults)
     errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
     final = state.best if verdict.verdict == "named" else state.plain
