@@ -1,7 +1,8 @@
-"""A real two-section arm identified: parameters from five measured logs, tested on four that took no part.
+"""A real two-section arm identified: parameters from nine measured logs, tested on four that took no part.
 
-January and April are identified each on its own, since the arm was taken apart in between. Nothing is free but springs,
-bending stiffness and damping of each section: few numbers carry over to motions that were not fitted, many do not. What
+January (three days) and April are identified each on its own, since the arm was taken apart in between. Free are the
+springs, bending stiffness and damping of each section and how its areas change with length: few numbers carry over to
+motions that were not fitted, many do not. What
 holds the arm where a log begins (it creeps and sticks) is told by the log's first pose, for logs that take no part as
 for the others. Prints the error of each head and axis before and after beside the arm's repeatability, and writes a
 parameter file for each session. Takes about a minute.
@@ -36,8 +37,10 @@ class Session:
 
 
 SESSIONS = {
-    "january": Session(("jan10_both_1", "jan10_right_1", "jan10_right_2"), ("jan10_both_2", "jan10_right_3")),
-    "april": Session(("apr4_right", "apr4_all"), ("apr4_left", "apr4_seg1_all")),
+    "january": Session(
+        ("jan4_1", "jan5_3", "jan10_both_1", "jan10_right_1", "jan10_3_1"), ("jan10_both_2", "jan10_right_3")
+    ),
+    "april": Session(("apr4_right", "apr4_all", "apr4_4", "apr4_7"), ("apr4_left", "apr4_seg1_all")),
 }
 REPEATS = ("jan10_right_1", "jan10_right_2", "jan10_right_3")
 

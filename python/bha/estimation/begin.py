@@ -174,7 +174,7 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
         if not _fits(ask, held=preloads_of(found.arm.parameters) is not None, commanded=commanded):
             continue
         asked = ask(found.arm.parameters, found.free)
-        more = None if asked is None else _asked(found, asked, model, whole=whole)
+        more = None if asked is None else _step_by_step(found, asked, model, whole=whole)
         if asked is None or more is None or more.statics is None or found.statics is None:
             continue
         if asked.begins:
@@ -204,6 +204,15 @@ def _fits(ask: Callable[..., Asked | None], *, held: bool, commanded: bool) -> b
     if ask is unlike_chambers:
         return not held
     return commanded or ask is not dead_time
+
+
+def _step_by_step(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found | None:
+    """As :func:`_asked`; where logs begin elsewhere than before, what was free already is found anew first."""
+    if asked.begins:
+        known = {coordinate.path for coordinate in found.coordinates}
+        free = tuple(f for f in asked.free if (f if isinstance(f, str) else f.path) in known)
+        found = _asked(found, replace(asked, free=free), model, whole=whole) or found
+    return _asked(found, asked, model, whole=whole)
 
 
 def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found | None:
