@@ -108,8 +108,9 @@ class Checkup:
     def __str__(self) -> str:
         """Findings and what is not told, as text."""
         lines = [line for finding in self.findings for line in finding.lines()]
+        lines = lines or ["nothing found: file and logs belong together as far as these logs tell"]
         lines += [f"not told: {text}" for text in self.untold]
-        return "\n".join(lines or ["nothing found: file and logs belong together as far as these logs tell"])
+        return "\n".join(lines)
 
 
 def check(
