@@ -169,3 +169,12 @@ def test_what_logs_cannot_tell_apart_is_named_as_a_class() -> None:
     for effect in found.effects:
         assert effect.alone <= effect.confidence <= 1.0
     assert (found.verdict == "one_of") == any(effect.one_of for effect in found.effects)
+
+
+def test_one_log_certifies_itself_and_that_is_said() -> None:
+    hidden = {"kind": "pressure_offset", "where": "input p12", "parameters": {"offset": 6000.0}}
+    (log,) = make_logs(one_section(), [hidden], seed=9, durations=(9.0,))
+    found = bha.diagnose(PRODUCT, [log], kinds=("pressure_offset",))
+    assert [(e.kind, e.where) for e in found.effects] == [("pressure_offset", "input p12")]
+    assert found.gap.holdout[0].endswith("(last third)")
+    assert any("biased by selection" in note for note in found.residual["notes"])
