@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import bha
+from bha.cli import main
 from bha.estimation.begin import begin
 from bha.estimation.first_command import stood_under
 from bha.estimation.preload import NUMBERS, of_record, typical, with_preloads
@@ -96,3 +101,19 @@ def test_preloads_are_put_once() -> None:
     parameters = plain().parameters
     assert with_preloads(parameters) is parameters
     assert isinstance(parameters, ArmParameters)
+
+
+def test_simulate_begins_where_the_log_does(tmp_path: Path) -> None:
+    log = log_of(preloaded(OTHERWISE), 2, duration=10.0)
+    units = {"t": "s", "x1": "m", "y1": "m", "z1": "m"}
+    names = [f"{name} [{units.get(name, 'Pa')}]" for name in log.columns]
+    table = np.column_stack([log[name] for name in log.columns])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=",".join(names), comments="")
+    plain().save(tmp_path / "arm.toml")
+    said = CliRunner().invoke(
+        main, ["simulate", str(tmp_path / "arm.toml"), "--input", str(tmp_path / "log.csv"), "--json"]
+    )
+    assert said.exit_code == 0, said.output
+    found = json.loads(said.stdout)
+    assert any("first pose" in note for note in found["notes"])
+    assert max(found["output_error_rms"].values()) < 6e-4

@@ -15,6 +15,7 @@ from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import columns_option, missing_option, pressures_option
 from bha.diagnosis.force_table import ResidualTable
+from bha.estimation.preload import begun
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 from bha.recordings.ranges import LengthExtremes
@@ -76,7 +77,8 @@ def simulate(
 ) -> None:
     """Simulate ARM (a parameter file or the name of a shipped arm) from the pressures of a log.
 
-    The arm starts at rest under the first pressures. What the log measures of the arm (lengths, heads) is compared with
+    The arm starts at rest under the first pressures; an arm with preloads takes them from the pose at which the log
+    begins, where it begins at rest. What the log measures of the arm (lengths, heads) is compared with
     what the sensors would have had: the error of each output is printed. A run that diverges ends with an error; the
     rows until then are in the file.
     """
@@ -95,7 +97,8 @@ def simulate(
             progress=lambda fraction: bar.update(task, completed=fraction),
         )
         recording = Recording(arm, log, pressures=pressures)
-        drive = recording.drive
+        arm, drive, told = begun(arm, recording)
+        notes += [told] if told else []
         times = output_times(drive, dt)
         run = Simulation(
             arm, drive, Options(method, step, rtol, atol, max_steps=max_steps, interpolation=interpolation)

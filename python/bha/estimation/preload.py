@@ -26,8 +26,10 @@ from bha import _core
 from bha.arm import Arm
 from bha.estimation.free import Coordinate, FreeParameter, resolve, with_values
 from bha.estimation.initial import pose_of
-from bha.estimation.records import Record
+from bha.estimation.records import Record, record
 from bha.parameters import ArmParameters, Place, paths
+from bha.recordings import Recording
+from bha.runs.input import Input
 
 Array = NDArray[np.float64]
 
@@ -109,6 +111,17 @@ def of_record(arm: Arm, rec: Record) -> dict[str, float]:
     radii = [section.bellows_radius for section in arm.parameters.sections]
     numbers = preloads.needed(free, radii, q, rec.resting.pressures)
     return {c.path: float(value) for c, value in zip(preloads.coordinates, numbers, strict=True)}
+
+
+def begun(arm: Arm, recording: Recording) -> tuple[Arm, Input, str]:
+    """The arm as it was when a recording begins, what drives it from there, and what was taken from it, in words."""
+    if preloads_of(arm.parameters) is None or not recording.outputs:
+        return arm, recording.drive, ""
+    rec = record(arm, recording)
+    told = of_record(arm, rec)
+    if not told:
+        return arm, rec.drive, ""
+    return arm.with_values(told), rec.drive, "preloads are those that the log's first pose tells"
 
 
 def typical(arm: Arm, records: Sequence[Record]) -> ArmParameters:
