@@ -1,3 +1,4 @@
+import bha
 from bha.diagnosis import catalogue, places
 from bha.parameters.effect import EFFECT_KINDS
 
@@ -32,3 +33,10 @@ def test_a_place_within_another_is_nested_and_a_neighbour_is_not() -> None:
     assert places.nested("input p12", "section 1", core)
     assert not places.nested("section 2", "bellows 12", core)
     assert not places.nested("input p21", "input p22", core)
+
+
+def test_what_an_arm_has_is_no_candidate_there_again() -> None:
+    january = bha.robots.load("asu_two_section_january").parameters.to_core()
+    by_kind = {plan.kind: plan for plan in catalogue.PLANS}
+    assert {"section 1", "section 2"}.isdisjoint(places.places(by_kind["effective_area"], january))
+    assert "section 1" in places.places(by_kind["creep"], january)

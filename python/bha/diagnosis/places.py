@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from bha.diagnosis.plan import KindPlan
-from bha.parameters import Place
+from bha.parameters import EFFECT_KINDS, Place
 from bha.parameters.section import are_standard_bellows
 
 
 def places(plan: KindPlan, core: Mapping[str, Any]) -> list[str]:
-    """Where the kind may sit on an arm, largest places first."""
+    """Where the kind may sit on an arm, largest places first; not where the arm has one of it already."""
     sections = core["section"]
     result: list[Place] = []
     for sort in plan.sorts:
@@ -36,7 +36,9 @@ def places(plan: KindPlan, core: Mapping[str, Any]) -> list[str]:
             result += [Place.of_bellows(i, k) for i in own for k in (1, 2, 3)]
         elif sort == "input":
             result += [Place.of_input(name) for name in core["inputs"]]
-    return [str(place) for place in result]
+    several = plan.kind in EFFECT_KINDS and EFFECT_KINDS[plan.kind].several
+    taken = {effect["where"] for effect in core.get("effect", ()) if effect["kind"] == plan.kind and not several}
+    return [str(place) for place in result if str(place) not in taken]
 
 
 def place_of(where: str) -> Place:
