@@ -63,7 +63,8 @@ class Asked:
 def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
     """Preloads told by first poses, and areas that change with length; None where the arm has some of them already.
 
-    What holds an arm off by as much in all its poses is no longer free beside them.
+    What holds an arm off by as much in all its poses is no longer free beside them, nor is the scale of its areas; its
+    springs are about the file's again, within a factor of five: where areas fall, an arm with weak springs buckles.
     """
     if any(effect.kind in (PRELOAD, AREA) for effect in parameters.effects):
         return None
@@ -73,7 +74,7 @@ def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter
         effects.append({"kind": AREA, "where": f"section {number}", "by_length": 0.0})
         slope = FreeParameter(f"effect.{len(effects)}.by_length", prior=prior, logarithmic=False, scale=BY_LENGTH)
         more.append(replace(slope, lower=-3.0 * BY_LENGTH, upper=BY_LENGTH))
-    left = [f for f in free if not _holds_off(f if isinstance(f, str) else f.path)]
+    left = [_plainly(f) for f in free if not _holds_off(f if isinstance(f, str) else f.path)]
     said = (
         "logs begin at rest in other poses than their pressures say: what holds the arm there is told by each log's "
         "first pose (effect preload; what is written is its mean), and areas change with length (effect effective_area)"
@@ -82,11 +83,21 @@ def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter
     return Asked(changed, (*left, *more), said, True, begins=True)
 
 
+def _plainly(free: FreeParameter | str) -> FreeParameter | str:
+    """The same, springs with the prior of a guess."""
+    path = free if isinstance(free, str) else free.path
+    key = paths.key_of(path)
+    if key not in ("stiffness", "bending_stiffness") or not path.endswith(".1"):
+        return free
+    sessions = () if isinstance(free, str) else free.sessions
+    return FreeParameter(path, sessions, lower=1e-3)
+
+
 def _holds_off(path: str) -> bool:
-    """Whether a number moves or tilts the whole arm: rest length, where the mass hangs, where the camera stands."""
+    """Whether a number moves or tilts the whole arm (rest length, centre of mass, camera), or is the scale of areas."""
     if paths.is_of_sensors(path):
         return path != TURN
-    return paths.key_of(path) in ("rest_length", "center_of_mass")
+    return paths.key_of(path) in ("rest_length", "center_of_mass", "terminal_area")
 
 
 def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:

@@ -27,6 +27,7 @@ from bha.estimation.preload import preloads_of
 from bha.estimation.records import Record
 from bha.estimation.runs import Integration
 from bha.estimation.statics import Statics, fit_statics, refit_statics
+from bha.parameters import paths
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
@@ -220,8 +221,8 @@ def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found 
     assert found.statics is not None
     coordinates = resolve(asked.parameters, asked.free)
     model = replace(model, parameters=asked.parameters, plain=coordinates)
-    before = {c.name: x for c, x in zip(found.coordinates, found.tried[0].z, strict=True)}
-    z = np.array([before.get(c.name, 0.0) for c in coordinates])
+    before = {c.name: c.value(float(x)) for c, x in zip(found.coordinates, found.tried[0].z, strict=True)}
+    z = np.array([c.coordinate(before.get(c.name, c.start) * _rescaled(c, coordinates, found)) for c in coordinates])
     statics = refit_statics(asked.parameters, coordinates, model.records, z, found.statics.lags)
     if statics is None:
         return None
@@ -231,6 +232,20 @@ def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found 
     points = [z, *seen, *delayed(coordinates, z)]
     tried = sorted(trials(model, points, whole=whole), key=lambda trial: trial.merit)
     return _Found(Arm(asked.parameters), asked.free, coordinates, statics, tuple(tried))
+
+
+def _rescaled(coordinate: Coordinate, coordinates: Sequence[Coordinate], found: _Found) -> float:
+    """What a stiffness or a damping is multiplied by where the area of its section is no longer free."""
+    steps = coordinate.path.split(".")
+    if steps[0] != "section" or not paths.key_of(coordinate.path).endswith(("stiffness", "damping")):
+        return 1.0
+    name = f"section.{steps[1]}.terminal_area"
+    if any(c.name == name for c in coordinates):
+        return 1.0
+    before = [
+        c.start / c.value(float(x)) for c, x in zip(found.coordinates, found.tried[0].z, strict=True) if c.name == name
+    ]
+    return before[0] if before else 1.0
 
 
 def _with_values(coordinates: Sequence[Coordinate], z: Array, statics: Statics) -> Array:
