@@ -356,3 +356,25 @@ def test_one_log_of_several_with_swapped_tubes_is_named() -> None:
     # Where all logs say the same it is said of all.
     both = [named[1], bha.Recording(arm, log_of(arm, *steps(arm, seed=3), see="lengths", feeds=[1, 0, 2]))]
     assert [f.where for f in bha.check(arm, both).faults] == ["all logs"]
+
+
+@pytest.mark.parametrize("swapped", ["wires", "tubes"])
+def test_two_wires_at_odd_angles_are_told_from_two_tubes(swapped: str) -> None:
+    mapping = nominal(1)
+    mapping["length_sensor"] = [
+        {"name": f"wire{k}", "angle_deg": angle, "radius": 0.09, "sections": [1]}
+        for k, angle in enumerate((20, 110, 250))
+    ]
+    arm = arm_of(mapping)
+    time, pressures = steps(arm)
+    run = bha.simulate_batch(arm, bha.Input(time, pressures), times=time, method="ros2", step=5e-3)
+    order = (0, 1, 2) if swapped == "wires" else (1, 0, 2)
+    columns = {"t [s]": time} | {f"p1{k + 1} [Pa]": pressures[:, j] for k, j in enumerate(order)}
+    tables = [run.lengths[0] @ wire_row(arm.parameters, wire) for wire in arm.parameters.length_sensors]
+    tables = [tables[k] for k in ((1, 0, 2) if swapped == "wires" else (0, 1, 2))]
+    noise = 3e-4 * np.random.default_rng(0).standard_normal((len(time), 3))
+    columns |= {f"wire{k} [m]": table + noise[:, k] for k, table in enumerate(tables)}
+    said = explanations(bha.check(arm, bha.Log.from_arrays(columns)))
+    assert said[0] == (
+        "length sensors exchanged: wire0 and wire1" if swapped == "wires" else "tubes exchanged: p11 and p12"
+    )

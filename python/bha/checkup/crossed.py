@@ -1,6 +1,6 @@
-"""Length sensors of two sections exchanged: a pair of columns that each show the other's bellows.
+"""Length sensors exchanged that no turn or mirror image describes: of two sections, or wires at odd angles of one.
 
-Such a pair mixes the motions of two sections, so that no turn and no exchange within a section mends them: the columns
+A pair of two sections mixes their motions, and wires that are not spread evenly show another bending each: the columns
 are exchanged back, the motions formed anew, and what the file leaves unexplained of them is compared.
 Decision: as for other exchanges, with a larger gain: many pairs are tried, and the best of many is easily good.
 """
@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from bha.checkup.causes import symmetries
 from bha.checkup.explain import LEAST_EXPLAINED, MOST_SPOILED, Verdict
 from bha.checkup.finding import Explanation, Finding
 from bha.checkup.layout import Layout
@@ -44,17 +47,18 @@ class Crossed:
     def finding(self, where: str) -> Finding:
         """What is to be said of it."""
         a, b = self.names
+        which = sorted(set(self.sections))
+        where_in = f"section{'s' * (len(which) > 1)} {' and '.join(str(i + 1) for i in which)}"
         repair = f"in the log's heading rename {a} to {b}, {b} to {a}"
         shares = "; ".join(
             f"section {i + 1} by lengths: the file explains {100 * x:.0f} % of its motion, this {100 * y:.0f} %"
-            for i, x, y in zip(self.sections, self.before, self.after, strict=True)
+            for i, x, y in dict.fromkeys(zip(self.sections, self.before, self.after, strict=True))
         )
         return Finding(
             "fault",
             "wiring",
             where,
-            f"lengths of sections {self.sections[0] + 1} and {self.sections[1] + 1} move as their chambers push only "
-            "with two of them exchanged",
+            f"lengths of {where_in} move as chambers push only with two of them exchanged",
             shares,
             {"gain": self.gain},
             (Explanation(f"length sensors exchanged: {a} and {b}", repair, Mend(renames={a: b, b: a})),),
@@ -63,20 +67,22 @@ class Crossed:
 
 
 def crossed(layout: Layout, logs: Sequence[Seen], found: Evidence, verdict: Verdict) -> Crossed | None:
-    """The pair of length sensors of two sections that explains the motions better than all else, if any does."""
+    """The pair of length sensors that explains the motions better than all else, if any does."""
     names = logs[0].length_names
     own = {name: i for i, places in found.length_places.items() for name in places}
     doubted = _doubted(layout, found)
-    if len(doubted) < 2 or any(log.length_names != names for log in logs):
+    if not doubted or any(log.length_names != names for log in logs):
         return None
     best: Crossed | None = None
     for a, first in enumerate(names):
         for b in range(a):
             second = names[b]
             sections = (own.get(second), own.get(first))
-            if None in sections or sections[0] == sections[1] or not doubted >= set(sections):
+            if None in sections or not doubted >= set(sections):
                 continue
             pair = tuple(int(i) for i in sections if i is not None)
+            if pair[0] == pair[1] and symmetries(np.array(list(found.length_places[pair[0]].values()))):
+                continue  # an exchange is a turn or a mirror image, and is tried as one
             tried = _tried(layout, logs, found, verdict, (b, a), (pair[0], pair[1]))
             if tried is not None and (best is None or tried.gain > best.gain):
                 best = tried
