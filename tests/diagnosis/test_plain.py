@@ -53,28 +53,31 @@ def test_a_file_that_is_near_is_where_it_begins() -> None:
     assert found.verdict == "equivalent"
 
 
-def test_where_logs_and_file_do_not_belong_together_that_is_said_and_no_start_looked_for(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("sure", [True, False])
+def test_where_no_start_leads_anywhere_it_is_said_by_what_logs_and_file_do_not_belong_together(
+    monkeypatch: pytest.MonkeyPatch, sure: bool
 ) -> None:
+    looked: list[bool] = []
+
     def refused(*_: Any) -> None:
         raise ConvergenceError("the simulation diverges")
 
-    monkeypatch.setattr(
-        plain, "faults_in_words", lambda faults: f"logs and file do not belong together: {faults[0].what}"
-    )
     monkeypatch.setattr(plain, "prepare_runs", refused)
-    monkeypatch.setattr(plain, "_begun", lambda *_: pytest.fail("a start was looked for"))
-    fault = Finding("fault", "wiring", "all logs", "two tubes are exchanged", "", {}, ())
-    with pytest.raises(InputError, match=r"two tubes are exchanged.*diverges"):
+    monkeypatch.setattr(plain, "_begun", lambda *_: looked.append(True))
+    finding = Finding("fault" if sure else "warning", "gravity", "all logs", "it rests reversed", "", {}, ())
+    with pytest.raises(InputError, match=r"do not belong together: it rests reversed.*diverges"):
         plain.fit_plain(
             arm_of(TRUE),
             [],
             commanded=False,
             camera=True,
-            faults=[fault],
+            faults=[finding] * sure,
+            doubts=[finding] * (not sure),
             seed=0,
             threads=1,
             cache=plain.Cache(None, ""),
             scatter=None,
             tell=lambda *_: None,
         )
+    # Another start is looked for only where nothing sure speaks against the file.
+    assert looked == [True] * (not sure)

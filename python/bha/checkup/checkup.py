@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: Kinds of warnings that say what may be wrong between logs and file, not what is worth a look in one of them.
+DOUBTED = ("gravity",)
 #: Faults that are mended one after the other, at the most.
 MOST_REPAIRS = 8
 #: A pressure that was not read for longer than this, s, leaves the rows meanwhile out.
@@ -76,6 +78,11 @@ class Checkup:
     def faults(self) -> tuple[Finding, ...]:
         """Findings by which logs and file do not belong together as they are."""
         return tuple(finding for finding in self.findings if finding.severity == "fault")
+
+    @property
+    def doubts(self) -> tuple[Finding, ...]:
+        """Warnings that are faults where the arm's model leads nowhere as the file has it."""
+        return tuple(f for f in self.findings if f.severity == "warning" and f.kind in DOUBTED)
 
     def warn(self, stacklevel: int = 2) -> None:
         """Warn of each fault and each warning (:class:`bha.LogWarning`); notes are left out."""

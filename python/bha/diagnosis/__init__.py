@@ -133,6 +133,7 @@ def diagnose(
             progress=progress,
             cache_folder=kept,
             faults=checkup.faults,
+            doubts=checkup.doubts,
             tolerance=tolerance,
         )
         made = written.made_by(command, seed, train, held)

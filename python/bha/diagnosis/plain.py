@@ -10,6 +10,7 @@ physics that a diagnosis names.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -50,12 +51,15 @@ class Plain:
         baseline: the fit.
         prepared: step and thinned logs.
         moved: whether it began from other values than the file's.
+        faults: by what logs and file do not belong together: what was known, or what was doubted and is one, since the
+            fit leads nowhere.
     """
 
     arm: Arm
     baseline: Baseline
     prepared: Prepared
     moved: bool = False
+    faults: tuple[Finding, ...] = ()
 
     @property
     def said(self) -> list[str]:
@@ -83,6 +87,7 @@ def fit_plain(
     commanded: bool,
     camera: bool,
     faults: Sequence[Finding],
+    doubts: Sequence[Finding],
     seed: int,
     threads: int | None,
     cache: Cache,
@@ -97,6 +102,7 @@ def fit_plain(
         commanded: whether their pressures are commands, which pass through the arm's pneumatics.
         camera: whether heads are seen, by a camera whose frame is free.
         faults: by what logs and file do not belong together; no other start is looked for then.
+        doubts: by what they may not: faults where no start leads anywhere.
         seed: of draws.
         threads: of simulations.
         cache: of finished fits.
@@ -117,28 +123,28 @@ def fit_plain(
         tell("re-identifying the plain model", None)
         return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label), prepared, bool(label))
 
+    def nothing(found: Sequence[Finding], why: ConvergenceError) -> BhaError:
+        return InputError(f"{faults_in_words(found)}. With that {why}") if found else why
+
     first: Plain | None = None
     try:
         first = fitted(arm, "")
         if first.left < FOUND or faults:
-            return first
+            return replace(first, faults=tuple(faults))
+        why = ConvergenceError("the plain model leaves most of the motion")
     except ConvergenceError as error:
         if faults:
-            raise InputError(f"{faults_in_words(faults)}. With that {error}") from error
+            raise nothing(faults, error) from error
         why = error
     tell("looking for where to begin", None)
-    start = _begun(arm, train, threads)
-    if start is None:
-        if first is None:
-            raise why
-        return first
-    try:
-        second = fitted(start, "begun")
-    except ConvergenceError:
-        if first is None:
-            raise why from None
-        return first
-    return second if first is None or second.left < first.left else first
+    start, second = _begun(arm, train, threads), None
+    if start is not None:
+        with suppress(ConvergenceError):
+            second = fitted(start, "begun")
+    found = min((fit for fit in (first, second) if fit is not None), key=lambda fit: fit.left, default=None)
+    if found is None:
+        raise nothing(doubts, why) from why
+    return found if found.left < FOUND else replace(found, faults=tuple(doubts))
 
 
 def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:

@@ -101,6 +101,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     rules: Rules | None = None,
     limits: Thresholds | None = None,
     faults: Sequence[Finding] = (),
+    doubts: Sequence[Finding] = (),
     tolerance: float = 0.0,
 ) -> Investigation:
     """Diagnose the arm of ``logs``; see :func:`bha.diagnose`."""
@@ -127,12 +128,14 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         commanded=commanded,
         camera=heads,
         faults=faults,
+        doubts=doubts,
         seed=seed,
         threads=threads,
         cache=cache,
         scatter=scatter,
         tell=say,
     )
+    faults = plain.faults
     baseline, prepared = plain.baseline, plain.prepared
     model = baseline.fit.model
     problem, plain_fit = baseline.problem, baseline.fit
