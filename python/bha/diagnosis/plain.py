@@ -52,7 +52,7 @@ class Plain:
         prepared: step and thinned logs.
         moved: whether it began from other values than the file's.
         faults: by what logs and file do not belong together: what was known, or what was doubted and is one, since the
-            fit leads nowhere.
+            file's values lead nowhere.
     """
 
     arm: Arm
@@ -102,7 +102,7 @@ def fit_plain(
         commanded: whether their pressures are commands, which pass through the arm's pneumatics.
         camera: whether heads are seen, by a camera whose frame is free.
         faults: by what logs and file do not belong together; no other start is looked for then.
-        doubts: by what they may not: faults where no start leads anywhere.
+        doubts: by what they may not: faults where the file's values lead nowhere.
         seed: of draws.
         threads: of simulations.
         cache: of finished fits.
@@ -123,18 +123,15 @@ def fit_plain(
         tell("re-identifying the plain model", None)
         return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label), prepared, bool(label))
 
-    def nothing(found: Sequence[Finding], why: ConvergenceError) -> BhaError:
-        return InputError(f"{faults_in_words(found)}. With that {why}") if found else why
-
     first: Plain | None = None
     try:
         first = fitted(arm, "")
-        if first.left < FOUND or faults:
-            return replace(first, faults=tuple(faults))
+        if first.left < FOUND or faults or doubts:
+            return replace(first, faults=tuple(faults if first.left < FOUND else (*faults, *doubts)))
         why = ConvergenceError("the plain model leaves most of the motion")
     except ConvergenceError as error:
-        if faults:
-            raise nothing(faults, error) from error
+        if wrong := [*faults, *doubts]:
+            raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
         why = error
     tell("looking for where to begin", None)
     start, second = _begun(arm, train, threads), None
@@ -143,8 +140,8 @@ def fit_plain(
             second = fitted(start, "begun")
     found = min((fit for fit in (first, second) if fit is not None), key=lambda fit: fit.left, default=None)
     if found is None:
-        raise nothing(doubts, why) from why
-    return found if found.left < FOUND else replace(found, faults=tuple(doubts))
+        raise why
+    return found
 
 
 def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
