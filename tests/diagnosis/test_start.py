@@ -12,10 +12,10 @@ from bha.diagnosis.baseline import pieces
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.preparation import from_rest, prepare
 from bha.estimation.bands import Whitener, noise_model
-from bha.estimation.initial import pose, tells_state
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters
 from bha.recordings import ChannelFacts, Recording
+from bha.recordings.pose import pose, tells_state
 
 from .synthetic import observation, one_section, record_of
 

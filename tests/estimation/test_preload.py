@@ -12,13 +12,14 @@ from click.testing import CliRunner
 import bha
 from bha.cli import main
 from bha.estimation.begin import begin
-from bha.estimation.first_command import stood_under
-from bha.estimation.preload import NUMBERS, of_record, typical, with_preloads
+from bha.estimation.preload import of_record, typical, with_preloads
 from bha.estimation.records import record
 from bha.estimation.scale import default_free_of
 from bha.identification import predict
 from bha.logs import Log
 from bha.parameters import ArmParameters
+from bha.recordings.beginning import NUMBERS
+from bha.recordings.first_command import stood_under
 
 from .slow_arm import TRUE, arm_of, log_of
 
@@ -117,3 +118,9 @@ def test_simulate_begins_where_the_log_does(tmp_path: Path) -> None:
     found = json.loads(said.stdout)
     assert any("first pose" in note for note in found["notes"])
     assert max(found["output_error_rms"].values()) < 6e-4
+    # In Python too, and not where somebody says from where.
+    heads = np.column_stack([log[name] for name in ("x1", "y1", "z1")])
+    run = bha.simulate(plain(), log, times=log["t"])
+    assert np.sqrt(np.mean((run.head_positions[:, 0] - heads) ** 2)) < 6e-4
+    elsewhere = bha.simulate(plain(), log, times=log["t"], q0=plain().static_lengths(log.pressures(plain().inputs)[0]))
+    assert np.sqrt(np.mean((elsewhere.head_positions[:, 0] - heads) ** 2)) > 1e-3

@@ -15,9 +15,9 @@ from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import columns_option, missing_option, pressures_option
 from bha.diagnosis.force_table import ResidualTable
-from bha.estimation.preload import begun
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
+from bha.recordings.beginning import begun
 from bha.recordings.ranges import LengthExtremes
 from bha.runs.input import Interpolation
 from bha.runs.options import Method, Options
@@ -97,7 +97,7 @@ def simulate(
             progress=lambda fraction: bar.update(task, completed=fraction),
         )
         recording = Recording(arm, log, pressures=pressures)
-        arm, drive, told = begun(arm, recording)
+        arm, drive, told = begun(recording)
         notes += [told] if told else []
         times = output_times(drive, dt)
         run = Simulation(

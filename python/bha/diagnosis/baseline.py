@@ -32,7 +32,6 @@ from bha.estimation.bands import (
     sensor_noise,
 )
 from bha.estimation.engine import Model, root_mean_square
-from bha.estimation.initial import tells_state
 from bha.estimation.integration import (
     COARSE_ERROR_SHARE,
     COARSE_MISFIT_SHARE,
@@ -46,6 +45,7 @@ from bha.estimation.integration import (
 from bha.estimation.records import Record, Window, windows
 from bha.estimation.runs import Integration
 from bha.estimation.steady import steady_noise
+from bha.recordings.pose import tells_state
 from bha.runs.options import Method
 
 Array = NDArray[np.float64]

@@ -21,8 +21,8 @@ from bha.diagnosis.model import of_camera
 from bha.diagnosis.where import block_edges
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
-from bha.estimation.initial import tells_state
 from bha.estimation.records import Record
+from bha.recordings.pose import tells_state
 
 Array = NDArray[np.float64]
 

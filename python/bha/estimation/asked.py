@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.lags import PATHS
-from bha.estimation.preload import KIND as PRELOAD
 from bha.estimation.preload import with_preloads
 from bha.estimation.statics import TURN
 from bha.parameters import ArmParameters, paths
+from bha.recordings.beginning import KIND as PRELOAD
 
 Array = NDArray[np.float64]
 

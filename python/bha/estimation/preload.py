@@ -1,21 +1,7 @@
-"""Preloads from first poses: what held an arm, log by log, where it stood when the log begins.
-
-Fabric and rubber creep and stick: under the same pressures an arm stands elsewhere after each use, by more than its
-sensors' noise and than any law from pressures to poses says. Which rest it begins from is told by a log's first pose,
-where it begins at rest. What: the constant force and torques of each section (effect ``preload``) under which that pose
-is held by the first pressures,
-
-    Q = -M(q0) q''(q0, 0, p0),
-
-read on the arc coordinates of each section. They follow from the parameters and one pose, so that a fit has no number
-more, and a log that takes no part in it is predicted in the same way.
-An arm that has a ``preload`` in some sections takes it from each log that begins at rest; else its own numbers count.
-Limits: commands do not say what the chambers held before the log, so under commands the first one must have been held.
-"""
+"""Preloads in an estimation: each log has those that its first pose tells, see :mod:`bha.recordings.beginning`."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,20 +11,12 @@ from numpy.typing import NDArray
 from bha import _core
 from bha.arm import Arm
 from bha.estimation.free import Coordinate, FreeParameter, resolve, with_values
-from bha.estimation.initial import pose_of
-from bha.estimation.records import Record, record
-from bha.parameters import ArmParameters, Place, paths
-from bha.recordings import Recording
-from bha.runs.input import Input
+from bha.estimation.records import Record
+from bha.parameters import ArmParameters, paths
+from bha.recordings import Observation
+from bha.recordings.beginning import KIND, NUMBERS, first_lengths, holding, preloaded
 
 Array = NDArray[np.float64]
-
-KIND = "preload"
-#: Numbers of the effect: on (u, v, l).
-NUMBERS = ("to_x", "to_y", "along")
-#: Deviation of a measured first pose against that which the pressures hold, m: what is measured decides.
-_SURE = 1e-4
-_H = math.sqrt(3.0) / 2.0
 
 
 @dataclass(frozen=True)
@@ -54,29 +32,15 @@ class Preloads:
     coordinates: tuple[Coordinate, ...]
 
     def needed(self, arm: _core.Arm, radii: Sequence[float], pose: Array, pressures: Array) -> Array:
-        """The numbers under which pressures, Pa, hold a pose, lengths in m, shape (3 sections,).
-
-        ``arm`` is without preloads, ``radii`` are those of the lengths of each section, m.
-        """
-        acceleration = arm.forward_dynamics(pose, np.zeros_like(pose), pressures)
-        force = -(arm.inertia_matrix(pose) @ acceleration)
-        found = []
-        for section in self.sections:
-            f1, f2, f3 = force[3 * section - 3 : 3 * section]
-            radius = radii[section - 1]
-            found += [radius * (0.5 * (f2 + f3) - f1), radius * _H * (f3 - f2), f1 + f2 + f3]
-        return np.array(found)
+        """The numbers under which pressures, Pa, hold a pose (:func:`bha.recordings.beginning.holding`)."""
+        return holding(arm, radii, self.sections, pose, pressures)
 
 
 def preloads_of(parameters: ArmParameters) -> Preloads | None:
     """The preloads of single sections that an arm has; None without any."""
-    sections, free = [], []
-    for number, effect in enumerate(parameters.effects, start=1):
-        place = Place.read(effect.where)
-        if effect.kind == KIND and place is not None and place.section is not None:
-            sections.append(place.section)
-            free += [FreeParameter(f"effect.{number}.{name}", logarithmic=False, scale=1.0) for name in NUMBERS]
-    return Preloads(tuple(sections), resolve(parameters, free)) if free else None
+    places = preloaded(parameters)
+    free = [FreeParameter(f"effect.{k}.{name}", logarithmic=False, scale=1.0) for k in places for name in NUMBERS]
+    return Preloads(tuple(places.values()), resolve(parameters, free)) if free else None
 
 
 def with_preloads(parameters: ArmParameters) -> ArmParameters:
@@ -94,10 +58,9 @@ def _numbers(parameters: ArmParameters) -> range:
 
 def first_pose(arm: Arm, rec: Record) -> Array | None:
     """Lengths of the arm where a record begins at rest, m, shape (3n,); None where it moves there."""
-    there = rec.resting
-    return (
-        None if there is None else pose_of(arm, rec, there.values, np.full(len(there.values), _SURE), there.pressures)
-    )
+    if rec.resting is None:
+        return None
+    return first_lengths(arm, Observation.of(arm.parameters, rec.observation.outputs), rec.resting)
 
 
 def of_record(arm: Arm, rec: Record) -> dict[str, float]:
@@ -111,17 +74,6 @@ def of_record(arm: Arm, rec: Record) -> dict[str, float]:
     radii = [section.bellows_radius for section in arm.parameters.sections]
     numbers = preloads.needed(free, radii, q, rec.resting.pressures)
     return {c.path: float(value) for c, value in zip(preloads.coordinates, numbers, strict=True)}
-
-
-def begun(arm: Arm, recording: Recording) -> tuple[Arm, Input, str]:
-    """The arm as it was when a recording begins, what drives it from there, and what was taken from it, in words."""
-    if preloads_of(arm.parameters) is None or not recording.outputs:
-        return arm, recording.drive, ""
-    rec = record(arm, recording)
-    told = of_record(arm, rec)
-    if not told:
-        return arm, rec.drive, ""
-    return arm.with_values(told), rec.drive, "preloads are those that the log's first pose tells"
 
 
 def typical(arm: Arm, records: Sequence[Record]) -> ArmParameters:

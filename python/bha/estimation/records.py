@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import InputError
 from bha.estimation.conditions import Condition, changes_of
-from bha.estimation.first_command import stood_under
 from bha.logs import Log
 from bha.recordings import ChannelFacts, Observation, PressureSort, Recording
 from bha.recordings.aligned import COMMON
+from bha.recordings.beginning import Resting, beginning
 from bha.recordings.clock import later
 from bha.recordings.doubt import Doubt
 from bha.runs.input import Input
@@ -34,24 +34,6 @@ Mask = NDArray[np.bool_]
 #: Noise that is assumed where a channel does not tell it: length sensors and motion capture rarely do better; in the
 #: unit of the channel (m; a quaternion's component).
 DEFAULT_NOISE = 2e-4
-
-
-@dataclass(frozen=True, eq=False)
-class Resting:
-    """An arm that stands where a log begins.
-
-    Attributes:
-        values: the channels, shape (C,); NaN where nothing was measured.
-        pressures: Pa, shape (inputs,).
-    """
-
-    values: Array
-    pressures: Array
-
-
-#: Time over which an arm at rest does not move, s, and which part of the greatest motion and how many noises do not
-#: count as one.
-_LOOK, _STILL, _NOISES = 0.06, 0.02, 5.0
 
 
 @short_repr
@@ -281,12 +263,7 @@ def record(
         raise InputError(f"{origin}: noise of {deviation.shape}; one number a channel is needed, ({len(kept)},)")
     known = np.isfinite(deviation) & (deviation > 0)
     deviation = np.where(known, deviation, np.median(deviation[known]) if known.any() else DEFAULT_NOISE)
-    drive, stands = recording.drive, _resting(recording, kept)
-    if stands is not None and drive.commanded:
-        seen = np.where(recording.usable, recording.measured, np.nan)[:, kept]
-        told = stood_under(drive, recording.time, seen, stands.values)
-        stands = None if told is None else replace(stands, pressures=told.pressures[0])
-        drive = told or drive
+    stands, drive = beginning(recording, kept)
     made = Record(
         name=origin,
         drive=drive,
@@ -302,28 +279,6 @@ def record(
         resting=stands,
     )
     return made.without(exclude) if exclude else made
-
-
-def _resting(recording: Recording, kept: Sequence[int]) -> Resting | None:
-    """Where the arm stands when a log begins; None where it moves, or nothing is measured there."""
-    time, drive = recording.time, recording.drive
-    measured, usable = recording.measured[:, kept], recording.usable[:, kept]
-    near = slice(0, max(2, int(np.searchsorted(time, time[0] + _LOOK, side="right"))))
-    first = np.where(usable, measured, np.nan)[near]
-    seen = np.isfinite(first).any(axis=0)
-    if not seen.any():
-        return None
-    every = np.where(usable, measured, np.nan)[:, seen]
-    motion = float(np.max(np.nanmax(every, axis=0) - np.nanmin(every, axis=0)))
-    moves = np.nanmax(first[:, seen], axis=0) - np.nanmin(first[:, seen], axis=0)
-    noise = np.array([recording.facts[k].noise for k in kept])[seen]
-    if np.any(moves > np.maximum(_STILL * motion, _NOISES * noise)):
-        return None
-    values = np.full(len(kept), np.nan)
-    values[seen] = np.nanmean(first[:, seen], axis=0)
-    there = np.linspace(time[0], time[near][-1], 5)
-    pressures = [np.interp(there, drive.time, p).mean() for p in drive.pressures.T]
-    return Resting(values, np.array(pressures))
 
 
 def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 8) -> list[Window]:

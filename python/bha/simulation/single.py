@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from bha.arrays import floats
 from bha.errors import InputError, SimulationError
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
+from bha.recordings.beginning import begun
 from bha.recordings.ranges import LengthExtremes
 from bha.runs.input import Input
 from bha.runs.options import Method, Options
@@ -52,7 +54,8 @@ def simulate(
         dt: distance of the output rows, s. If None there is a row at each sample, and as many between samples further
             apart as make it 100 Hz.
         times: times of the output rows, s, ascending, in place of ``dt`` and ``t_end``; not before the first sample.
-        q0: initial lengths (3n,), m; at rest under the first pressures if None.
+        q0: initial lengths (3n,), m; at rest under the first pressures if None: of a log that begins at rest an arm
+            with the effect ``preload`` takes what held it there (:mod:`bha.recordings.beginning`).
         qd0: initial rates (3n,), m/s; zero if None.
         pressures: which pressures of a log drive the arm, ``"measured"`` or ``"commanded"``; if None measured ones
             where it has them.
@@ -78,13 +81,13 @@ def simulate(
     if changes:
         options = Options(**{**options.__dict__, **changes})
     if times is None:
-        source = as_input(arm, drive, t_end=t_end, dt=dt, pressures=pressures)
+        arm, source = _begun(arm, drive, q0, t_end=t_end, dt=dt, pressures=pressures)
         rows = output_times(source, dt, t_end, row_bytes=row_size(arm))
     else:
         if dt is not None or t_end is not None:
             raise InputError("times: give them without dt and t_end, which they stand for")
         rows = given_times(times)
-        source = as_input(arm, drive, t_end=float(rows[-1]) if len(rows) else None, pressures=pressures)
+        arm, source = _begun(arm, drive, q0, t_end=float(rows[-1]) if len(rows) else None, pressures=pressures)
     run = Simulation(arm, source, options, q0=q0, qd0=qd0)
     pieces: list[Trajectory] = []
     try:
@@ -100,6 +103,21 @@ def simulate(
     lengths.add(whole.time, whole.lengths)
     lengths.warn(stacklevel=2)
     return whole
+
+
+def _begun(
+    arm: Arm,
+    drive: Input | Log | Recording | str | os.PathLike[str] | Callable[[float], ArrayLike],
+    q0: ArrayLike | None,
+    **options: Any,
+) -> tuple[Arm, Input]:
+    """The arm as it stands where a log begins, and its input; as it is for other inputs or from a given pose."""
+    if isinstance(drive, Log | str | os.PathLike):
+        drive = Recording(arm, drive, pressures=options["pressures"])
+    if isinstance(drive, Recording) and q0 is None and drive.arm == arm:
+        begins, source, _ = begun(drive)
+        return begins, source
+    return arm, as_input(arm, drive, **options)
 
 
 def as_input(
