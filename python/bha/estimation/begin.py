@@ -39,6 +39,8 @@ _ACROSS = ("across", "length")
 _GAIN, _AT_NOISE = 0.05, 0.5 * math.log(2.0)
 #: How many of the best points are simulated over whole logs where these must be better.
 _BEST = 4
+#: Part by which areas change over half of the range of lengths from which on forces must be those of their work.
+_AREAS = 0.25
 #: An arm that lags longer than this, s, creeps rather than swings.
 _SLOW = 0.1
 
@@ -185,9 +187,26 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
         if asked.static:
             better &= more.statics.merit < found.statics.merit - _GAIN * found.statics.channels
         if better:
-            found = more
+            found = _conjugate(more, model) if asked.begins else more
             said.append(asked.said)
     return found, said
+
+
+def _conjugate(found: _Found, model: Model) -> _Found:
+    """The same with forces that are what pressures do in work, where areas change by a part worth it.
+
+    Along the ends' axes pressures on areas that change with length make energy from nothing, and such an arm runs off
+    at pressures beyond the fitted ones.
+    """
+    best = _started(found.coordinates, found.tried[0].z)
+    slopes = [abs(f.start or 0.0) for f in best if f.path.endswith(".by_length")]
+    spans = [0.5 * (s.length_range[1] - s.length_range[0]) for s in found.arm.parameters.sections]
+    if max(slopes, default=0.0) * max(spans) < _AREAS:
+        return found
+    parameters = found.arm.parameters.updated({"force_model": "work_conjugate"})
+    model = replace(model, parameters=parameters, plain=found.coordinates)
+    tried = sorted(trials(model, [trial.z for trial in found.tried[:_BEST]], whole=True), key=lambda t: t.merit)
+    return replace(found, arm=Arm(parameters), tried=tuple(tried)) if np.isfinite(tried[0].merit) else found
 
 
 def _whole(found: _Found, model: Model) -> float:

@@ -148,6 +148,8 @@ def _notes(start: Begin, found: Identification, used: Sequence[Record]) -> list[
     added = start.arm.parameters.effects[len(found.start.parameters.effects) :]
     if any(effect.kind == "bending_damping" for effect in added):
         notes.append("bending lags longer than stretching: a damping of bending (effect bending_damping) was added")
+    if start.arm.parameters.force_model != found.start.parameters.force_model:
+        notes.append(f"the force model is {start.arm.parameters.force_model}: forces are what pressures do in work")
     stiff = [k for k, s in enumerate(start.arm.parameters.sections, start=1) if s.axial_stiffness is not None]
     if any(found.start.parameters.sections[k - 1].axial_stiffness is None for k in stiff):
         notes.append(
