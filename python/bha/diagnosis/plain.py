@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.diagnosis.baseline import Baseline, Prepared, fit_baseline, prepare_runs
+from bha.diagnosis.baseline import Baseline, fit_baseline, prepare_runs
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.decide import faults_in_words
 from bha.diagnosis.model import plain_model
@@ -49,7 +49,6 @@ class Plain:
     Attributes:
         arm: the arm whose values it began from, as its file would be: the file's own, or one moved from it.
         baseline: the fit.
-        prepared: step and thinned logs.
         moved: whether it began from other values than the file's.
         faults: by what logs and file do not belong together: what was known, or what was doubted and is one, since the
             file's values lead nowhere.
@@ -57,7 +56,6 @@ class Plain:
 
     arm: Arm
     baseline: Baseline
-    prepared: Prepared
     moved: bool = False
     faults: tuple[Finding, ...] = ()
 
@@ -72,7 +70,7 @@ class Plain:
     def left(self) -> float:
         """Part of the motion of the training logs that it leaves, RMS over all outputs."""
         errors, motions = [], []
-        for record, shown in zip(self.prepared.records, self.baseline.fit.outputs, strict=True):
+        for record, shown in zip(self.baseline.prepared.records, self.baseline.fit.outputs, strict=True):
             usable = record.usable
             errors.append((record.measured - shown)[usable])
             middle = np.nanmean(np.where(usable, record.measured, np.nan), axis=0)
@@ -121,14 +119,14 @@ def fit_plain(
         prepared = prepare_runs(model, train)
         model = replace(model.on(prepared.records), integration=prepared.integration(threads))
         tell("re-identifying the plain model", None)
-        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label), prepared, bool(label))
+        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label), bool(label))
 
     first: Plain | None = None
+    why: ConvergenceError | None = None
     try:
         first = fitted(arm, "")
         if first.left < FOUND or faults or doubts:
             return replace(first, faults=tuple(faults if first.left < FOUND else (*faults, *doubts)))
-        why = ConvergenceError("the plain model leaves most of the motion")
     except ConvergenceError as error:
         if wrong := [*faults, *doubts]:
             raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
@@ -138,10 +136,10 @@ def fit_plain(
     if start is not None:
         with suppress(ConvergenceError):
             second = fitted(start, "begun")
-    found = min((fit for fit in (first, second) if fit is not None), key=lambda fit: fit.left, default=None)
-    if found is None:
+    fits = [fit for fit in (first, second) if fit is not None]
+    if why is not None and not fits:
         raise why
-    return found
+    return min(fits, key=lambda fit: fit.left)
 
 
 def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:

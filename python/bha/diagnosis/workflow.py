@@ -136,7 +136,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         tell=say,
     )
     faults = plain.faults
-    baseline, prepared = plain.baseline, plain.prepared
+    baseline = plain.baseline
+    prepared = baseline.prepared
     model = baseline.fit.model
     problem, plain_fit = baseline.problem, baseline.fit
     holdout = _holdout(baseline, prepared, held)

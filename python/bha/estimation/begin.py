@@ -181,7 +181,8 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
         if asked is None or more is None or more.statics is None or found.statics is None:
             continue
         if asked.begins:
-            better = _whole(more, model) < _whole(found, model) - _GAIN * channels
+            before, after = (_over_whole_logs(one, model)[0].merit for one in (found, more))
+            better = after < before - _GAIN * channels
         else:
             better = more.tried[0].merit < found.tried[0].merit - _GAIN * channels
         if asked.static:
@@ -204,15 +205,16 @@ def _conjugate(found: _Found, model: Model) -> _Found:
     if max(slopes, default=0.0) * max(spans) < _AREAS:
         return found
     parameters = found.arm.parameters.updated({"force_model": "work_conjugate"})
-    model = replace(model, parameters=parameters, plain=found.coordinates)
-    tried = sorted(trials(model, [trial.z for trial in found.tried[:_BEST]], whole=True), key=lambda t: t.merit)
-    return replace(found, arm=Arm(parameters), tried=tuple(tried)) if np.isfinite(tried[0].merit) else found
+    other = replace(found, arm=Arm(parameters))
+    tried = _over_whole_logs(other, model)
+    return replace(other, tried=tuple(tried)) if np.isfinite(tried[0].merit) else found
 
 
-def _whole(found: _Found, model: Model) -> float:
-    """The least merit of its best points, simulated over whole logs; infinite where all fail."""
+def _over_whole_logs(found: _Found, model: Model) -> list[Trial]:
+    """Its best points, simulated over whole logs, the best first."""
     model = replace(model, parameters=found.arm.parameters, plain=found.coordinates)
-    return min(trial.merit for trial in trials(model, [trial.z for trial in found.tried[:_BEST]], whole=True))
+    points = [trial.z for trial in found.tried[:_BEST]]
+    return sorted(trials(model, points, whole=True), key=lambda trial: trial.merit)
 
 
 def _fits(ask: Callable[..., Asked | None], *, held: bool, commanded: bool) -> bool:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from bha import _core
 from bha.arm import Arm
-from bha.estimation.free import Coordinate, FreeParameter, resolve, with_values
+from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
-from bha.recordings.beginning import KIND, NUMBERS, first_lengths, holding, preloaded
+from bha.recordings.beginning import KIND, NUMBERS, first_lengths, holding, preloaded, preloads_there
 
 Array = NDArray[np.float64]
 
@@ -65,15 +65,9 @@ def first_pose(arm: Arm, rec: Record) -> Array | None:
 
 def of_record(arm: Arm, rec: Record) -> dict[str, float]:
     """The preloads that a record's first pose tells of an arm that has some: paths and numbers; empty for none."""
-    preloads = preloads_of(arm.parameters)
-    if preloads is None or rec.resting is None:
+    if rec.resting is None or not preloaded(arm.parameters):
         return {}
-    free = Arm(with_values(arm.parameters, preloads.coordinates, np.zeros(len(preloads.coordinates))))
-    q = first_pose(free, rec)
-    assert q is not None
-    radii = [section.bellows_radius for section in arm.parameters.sections]
-    numbers = preloads.needed(free, radii, q, rec.resting.pressures)
-    return {c.path: float(value) for c, value in zip(preloads.coordinates, numbers, strict=True)}
+    return preloads_there(arm, Observation.of(arm.parameters, rec.observation.outputs), rec.resting)
 
 
 def typical(arm: Arm, records: Sequence[Record]) -> ArmParameters:

@@ -123,19 +123,24 @@ def first_lengths(arm: Arm, observation: Observation, there: Resting) -> Array:
     return pose(arm, arm.parameters, observation, there.values, np.full(len(there.values), _SURE), there.pressures)
 
 
+def preloads_there(arm: Arm, observation: Observation, there: Resting) -> dict[str, float]:
+    """Paths and numbers of the preloads that hold an arm at first; ``observation`` has the outputs as it shows them."""
+    places = preloaded(arm.parameters)
+    names = [f"effect.{number}.{name}" for number in places for name in NUMBERS]
+    free = arm.with_values(dict.fromkeys(names, 0.0))
+    lengths = first_lengths(free, observation, there)
+    radii = [section.bellows_radius for section in arm.parameters.sections]
+    numbers = holding(free, radii, list(places.values()), lengths, there.pressures)
+    return dict(zip(names, map(float, numbers), strict=True))
+
+
 def begun(recording: Recording) -> tuple[Arm, Input, str]:
     """The arm as it was when a recording begins, what drives it from there, and what was taken from it, in words."""
     arm = recording.arm
-    places = preloaded(arm.parameters)
-    if not places or not recording.outputs:
+    if not preloaded(arm.parameters) or not recording.outputs:
         return arm, recording.drive, ""
     stands, drive = beginning(recording, range(len(recording.outputs)))
     if stands is None:
         return arm, drive, ""
-    names = [f"effect.{number}.{name}" for number in places for name in NUMBERS]
-    free = arm.with_values(dict.fromkeys(names, 0.0))
-    lengths = first_lengths(free, Observation.of(arm.parameters, recording.outputs), stands)
-    radii = [section.bellows_radius for section in arm.parameters.sections]
-    numbers = holding(free, radii, list(places.values()), lengths, stands.pressures)
-    told = dict(zip(names, map(float, numbers), strict=True))
+    told = preloads_there(arm, Observation.of(arm.parameters, recording.outputs), stands)
     return arm.with_values(told), drive, "preloads are those that the log's first pose tells"
