@@ -9,7 +9,6 @@ identification. Where lengths are measured too, heads follow from them, and the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import permutations, product
 from typing import TYPE_CHECKING
@@ -79,7 +78,8 @@ def frame_of(arm: Arm, seen: Seen, camera: Array, where: str) -> Frame:
         return straight
     means = np.array([np.median(seen.heads[seen.heads_good[:, i], i], axis=0) for i in heads])
     # A file that is off by factors may bend its arm anywhere: then the straight arm tells more.
-    predicted = min((pose[heads] for pose in _predicted(arm, seen)), key=lambda pose: _misfit(means, pose, heads))
+    poses = [pose[heads] for pose in _predicted(arm, seen)]
+    predicted = min(poses, key=lambda pose: _off(means, pose, _best_order(means, pose)))
     reach = float(np.linalg.norm(predicted[-1]))
     size = float(np.linalg.norm(means[-1]))
     travel = float(np.max([np.ptp(seen.heads[seen.heads_good[:, i], i], axis=0).max() for i in heads]))
@@ -143,10 +143,16 @@ def _predicted(arm: Arm, seen: Seen) -> list[Array]:
     return [arm.parameters.base_pose.from_world(arm.forward_kinematics(q)[0]) for q in poses]
 
 
-def _misfit(means: Array, predicted: Array, heads: Sequence[int]) -> float:
-    """How far heads are from a pose, in whatever order they come: sum of squares, m^2."""
-    orders = permutations(range(len(heads))) if len(heads) <= _MOST_ORDERED else [tuple(range(len(heads)))]
-    return min(float(np.sum((means[list(order)] - predicted) ** 2)) for order in orders)
+def _off(means: Array, predicted: Array, order: tuple[int, ...]) -> float:
+    """How far heads, in an order, are from a pose: sum of squares, m^2."""
+    return float(np.sum((means[list(order)] - predicted) ** 2))
+
+
+def _best_order(means: Array, predicted: Array) -> tuple[int, ...]:
+    """The order in which heads are nearest to a pose; the log's own of very many."""
+    own = tuple(range(len(means)))
+    orders = permutations(own) if len(own) <= _MOST_ORDERED else [own]
+    return min(orders, key=lambda order: _off(means, predicted, order))
 
 
 def _unit(heads: list[int], size: float, reach: float, travel: float, where: str) -> Finding | None:
@@ -171,17 +177,10 @@ def _unit(heads: list[int], size: float, reach: float, travel: float, where: str
 
 def _order(means: Array, predicted: Array) -> tuple[int, ...]:
     """The order of heads that makes the chain most like the model's; the log's own unless another is far better."""
-    count = len(means)
-    if count > _MOST_ORDERED:
-        return tuple(range(count))
-
-    def misfit(order: tuple[int, ...]) -> float:
-        return float(np.sum((means[list(order)] - predicted) ** 2))
-
-    own = tuple(range(count))
-    best = min(permutations(range(count)), key=misfit)
+    own, best = tuple(range(len(means))), _best_order(means, predicted)
+    before = _off(means, predicted, own)
     steps = np.linalg.norm(np.diff(np.vstack([np.zeros(3), predicted]), axis=0), axis=1).min()
-    return best if misfit(best) < 0.35 * misfit(own) and misfit(own) > steps**2 else own
+    return best if _off(means, predicted, best) < 0.35 * before and before > steps**2 else own
 
 
 def _exchanged(heads: list[int], order: tuple[int, ...], means: Array, predicted: Array, where: str) -> Finding:

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Fit, Problem, project_states
-from bha.diagnosis.holdout import Prediction, Readings, error_of, predicted, up_to_run_away
+from bha.diagnosis.fit import Fit, Problem, prior_weights, project_states
+from bha.diagnosis.holdout import Prediction, Readings, error_of, predicted, state_step, up_to_run_away
 from bha.diagnosis.where import block_edges
 
 Array = NDArray[np.float64]
@@ -65,8 +65,7 @@ def normal_matrix(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
     jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
-    weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
-    normal = jacobian.T @ jacobian + np.diag(weights)
+    normal = jacobian.T @ jacobian + np.diag(prior_weights(fit))
     return jacobian, normal + 1e-12 * np.trace(normal) / max(len(normal), 1) * np.eye(len(normal))
 
 
@@ -98,10 +97,7 @@ def crossed(problem: Problem, fit: Fit, readings: Readings) -> Prediction:
     for group, x in zip(left_out, without_groups(problem, fit, left_out), strict=True):
         part, jacobian = problem.slices()[group.log], fit.state_jacobians[group.log]
         left = fit.residual[part] - fit.jacobian[part] @ (x - fit.x)
-        # A model with a gap errs everywhere; the state must not bend to it more than it is uncertain.
-        weight = max(1.0, float(np.mean(left**2)))
-        curvature = jacobian.T @ jacobian / weight + np.diag(problem.state_precision)
-        state = fit.states[group.log] + np.linalg.solve(curvature, jacobian.T @ left / weight)
+        state = fit.states[group.log] + state_step(problem, jacobian, left)
         runs.append(fit.model.run(x, problem.windows[group.log], state))
     simulated = fit.model.integration.run(runs)
     raw = [np.empty_like(record.measured) for record in problem.records]

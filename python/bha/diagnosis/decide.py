@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Fit, Problem, columns, evaluate, project_states
+from bha.diagnosis.fit import Fit, Problem, columns, evaluate, prior_weights, project_states
 from bha.diagnosis.holdout import Holdout, Prediction, rms_errors, share_removed
 from bha.diagnosis.select import Search
 
@@ -92,9 +92,8 @@ def gap_test(
     held = holdout.problem
     assert fit.jacobian is not None
     assert fit.state_jacobians is not None
-    weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
     projected = project_states(problem, fit.state_jacobians, fit.jacobian)
-    covariance = np.linalg.inv(projected.T @ projected + np.diag(weights))
+    covariance = np.linalg.inv(projected.T @ projected + np.diag(prior_weights(fit)))
     here = evaluate(held, fit.model, fit.x, prediction.states)
     spread = columns(held, here, range(fit.model.size))
     parameters = float(np.sum((spread @ covariance) * spread)) / held.rows

@@ -175,6 +175,11 @@ def prior_cost(model: Model, x: Array) -> float:
     return float(weights @ x**2) if len(x) else 0.0
 
 
+def prior_weights(fit: Fit) -> Array:
+    """Weight of the prior of each coordinate of a fit against the squares of its residual, shape (size,)."""
+    return fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
+
+
 def prior_weight(mean_square: float, rate: float) -> float:
     """Weight of the prior: one under a right model, and as much more as the residual exceeds the noise.
 

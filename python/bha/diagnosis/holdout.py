@@ -136,11 +136,16 @@ class Holdout:
     def _improved(self, fit: Fit, sensitivities: Sequence[Array]) -> list[Array]:
         states = []
         for part, jacobian, state in zip(self.problem.slices(), sensitivities, fit.states, strict=True):
-            # A model with a gap errs everywhere; the state must not bend to it more than it is uncertain.
-            weight = max(1.0, float(np.mean(fit.residual[part] ** 2)))
-            normal = jacobian.T @ jacobian / weight + np.diag(self.problem.state_precision)
-            states.append(state + np.linalg.solve(normal, jacobian.T @ fit.residual[part] / weight))
+            states.append(state + state_step(self.problem, jacobian, fit.residual[part]))
         return states
+
+
+def state_step(problem: Problem, jacobian: Array, left: Array) -> Array:
+    """Change of a log's initial state that its white residual ``left`` asks for, by white sensitivities, (6n,)."""
+    # A model with a gap errs everywhere; the state must not bend to it more than it is uncertain.
+    weight = max(1.0, float(np.mean(left**2)))
+    normal = jacobian.T @ jacobian / weight + np.diag(problem.state_precision)
+    return np.asarray(np.linalg.solve(normal, jacobian.T @ left / weight))
 
 
 def up_to_run_away(problem: Problem, outputs: Sequence[Array]) -> tuple[tuple[Array, ...], tuple[float, ...]]:

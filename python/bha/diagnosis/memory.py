@@ -90,11 +90,6 @@ def memory(parts: Sequence[Array], steps: Sequence[float]) -> Memory:
     return Memory(bands, sums[nearest] / counts[nearest, None, None])
 
 
-def memory_of(problem: Problem, white: Array) -> Memory:
-    """The memory of the white residual ``white`` of all logs of a problem."""
-    return memory(*by_log(problem, white))
-
-
 def by_log(problem: Problem, white: Array) -> tuple[list[Array], list[float]]:
     """The rows of each log, shape (rows, channels), and the time between them, s."""
     parts = [

@@ -23,7 +23,7 @@ from bha import _core, names
 from bha.arm.variants import arm_of, with_effects
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.candidate import Candidate
-from bha.diagnosis.fit import Fit, Problem, project_states
+from bha.diagnosis.fit import Fit, Problem, prior_weights, project_states
 from bha.diagnosis.memory import draws_like
 from bha.diagnosis.places import members, place_of, places
 from bha.diagnosis.plan import KindPlan
@@ -94,10 +94,9 @@ class Complement:
         assert fit.state_jacobians is not None
         self._problem, self._states = problem, fit.state_jacobians
         self._jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
-        weights = fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
         normal = self._jacobian.T @ self._jacobian
         scale = 1e-10 * np.trace(normal) / max(len(normal), 1)
-        self._normal = normal + np.diag(weights + scale)
+        self._normal = normal + np.diag(prior_weights(fit) + scale)
 
     def __call__(self, table: NDArray[np.floating[Any]]) -> Array:
         """The projection of ``table`` (rows, k)."""

@@ -19,11 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.checkup.response import Filter
 from bha.diagnosis.decide import Decision
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.estimation.records import Record
-from bha.estimation.slow import lag_response
+from bha.estimation.slow import cell_means, lag_response
 
 Array = NDArray[np.float64]
 
@@ -191,13 +192,12 @@ def _table(record: Record, outputs: Array) -> tuple[Array, Array, float] | None:
     count = int((time[-1] - time[0]) / max(CELL, 2.0 * record.sample_time))
     if count < 16:
         return None
-    cell = np.minimum(((time - time[0]) / (time[-1] - time[0]) * count).astype(np.int64), count - 1)
-    errors = _means(np.where(record.usable, record.measured - outputs, np.nan), cell, count)
-    y = _means(outputs, cell, count)
-    y = (y - y.mean(axis=0)) / np.maximum(y.std(axis=0), 1e-12)
-    p = _means(record.drive.pressures[record.rows], cell, count)
-    p = (p - p.mean(axis=0)) / np.maximum(p.std(axis=0), 1.0)
     step = float(time[-1] - time[0]) / count
+    errors = cell_means(time, np.where(record.usable, record.measured - outputs, np.nan), step, count)
+    y = cell_means(time, outputs, step, count)
+    y = (y - y.mean(axis=0)) / np.maximum(y.std(axis=0), 1e-12)
+    p = cell_means(time, record.drive.pressures[record.rows], step, count)
+    p = (p - p.mean(axis=0)) / np.maximum(p.std(axis=0), 1.0)
     rates = np.gradient(y, step, axis=0)
     signs = np.tanh(rates / np.maximum(0.3 * rates.std(axis=0), 1e-12))
     passed = np.linspace(-1.0, 1.0, count)[:, None]
@@ -216,18 +216,6 @@ def _table(record: Record, outputs: Array) -> tuple[Array, Array, float] | None:
 def _oscillator(frequency: float, step: float, values: Array) -> Array:
     """What follows ``values`` (g, J) on an even grid through a damped oscillator of static gain one."""
     size = 2 * len(values)
-    s = 2j * np.pi * np.fft.rfftfreq(size, step)
-    own = 2.0 * np.pi * frequency
-    gain = own**2 / (s**2 + 2.0 * DAMPING * own * s + own**2)
+    s = np.asarray(2j * np.pi * np.fft.rfftfreq(size, step), dtype=np.complex128)
+    gain = Filter(0.0, frequency, DAMPING).gain(s)
     return np.asarray(np.fft.irfft(np.fft.rfft(values, size, axis=0) * gain[:, None], size, axis=0)[: len(values)])
-
-
-def _means(values: Array, cell: NDArray[np.int64], count: int) -> Array:
-    """Means of the rows of each cell; NaN where none counts."""
-    known = np.isfinite(values)
-    sums = np.zeros((count, values.shape[1]))
-    numbers = np.zeros_like(sums)
-    np.add.at(sums, cell, np.where(known, values, 0.0))
-    np.add.at(numbers, cell, known)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(numbers > 0, sums / np.maximum(numbers, 1), np.nan))

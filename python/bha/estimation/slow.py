@@ -55,7 +55,7 @@ def slow_record(rec: Record, step: float) -> SlowRecord:
     kept = [k for k, output in enumerate(rec.observation.outputs) if output.kind != "orientation"]
     count = max(2, round(rec.duration / step))
     width = rec.duration / count
-    measured = _cell_means(rec.time, np.where(rec.usable, rec.measured, np.nan)[:, kept], width, count)
+    measured = cell_means(rec.time, np.where(rec.usable, rec.measured, np.nan)[:, kept], width, count)
     drive = rec.drive
     # Inputs may be sampled less densely than the grid: they are read at points within the cells.
     inside = rec.time[0] + width * (np.arange(4 * count) + 0.5) / 4.0
@@ -83,7 +83,7 @@ def lag_response(lag: float, step: float, values: Array) -> Array:
     return np.concatenate([values[:1], values[0] + change])
 
 
-def _cell_means(time: Array, table: Array, width: float, count: int) -> Array:
+def cell_means(time: Array, table: Array, width: float, count: int) -> Array:
     """Means of the rows of each cell, channel by channel; NaN for none."""
     cell = np.minimum(((time - time[0]) / width).astype(np.int64), count - 1)
     found = np.full((count, table.shape[1]), np.nan)
