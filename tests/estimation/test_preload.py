@@ -18,8 +18,12 @@ from bha.estimation.scale import default_free_of
 from bha.identification import predict
 from bha.logs import Log
 from bha.parameters import ArmParameters
+from bha.parameters.paths import get_value
 from bha.recordings.beginning import NUMBERS
+from bha.recordings.beginning import preloaded as preloads_of
 from bha.recordings.first_command import stood_under
+from bha.sweeps.members import member
+from bha.sweeps.plan import make_plan
 
 from .slow_arm import TRUE, arm_of, log_of
 
@@ -34,6 +38,13 @@ def preloaded(numbers: tuple[float, ...]) -> bha.Arm:
 
 def plain() -> bha.Arm:
     return bha.Arm(with_preloads(arm_of(TRUE, apart=True).parameters))
+
+
+def written(log: Log, path: Path) -> None:
+    units = {"t": "s", "x1": "m", "y1": "m", "z1": "m"}
+    names = [f"{name} [{units.get(name, 'Pa')}]" for name in log.columns]
+    table = np.column_stack([log[name] for name in log.columns])
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
 
 
 def test_first_poses_tell_preloads() -> None:
@@ -106,10 +117,7 @@ def test_preloads_are_put_once() -> None:
 
 def test_simulate_begins_where_the_log_does(tmp_path: Path) -> None:
     log = log_of(preloaded(OTHERWISE), 2, duration=10.0)
-    units = {"t": "s", "x1": "m", "y1": "m", "z1": "m"}
-    names = [f"{name} [{units.get(name, 'Pa')}]" for name in log.columns]
-    table = np.column_stack([log[name] for name in log.columns])
-    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=",".join(names), comments="")
+    written(log, tmp_path / "log.csv")
     plain().save(tmp_path / "arm.toml")
     said = CliRunner().invoke(
         main, ["simulate", str(tmp_path / "arm.toml"), "--input", str(tmp_path / "log.csv"), "--json"]
@@ -124,3 +132,44 @@ def test_simulate_begins_where_the_log_does(tmp_path: Path) -> None:
     assert np.sqrt(np.mean((run.head_positions[:, 0] - heads) ** 2)) < 6e-4
     elsewhere = bha.simulate(plain(), log, times=log["t"], q0=plain().static_lengths(log.pressures(plain().inputs)[0]))
     assert np.sqrt(np.mean((elsewhere.head_positions[:, 0] - heads) ** 2)) > 1e-3
+
+
+def test_batches_begin_where_their_logs_do() -> None:
+    logs = [log_of(preloaded(numbers), seed, duration=6.0) for seed, numbers in enumerate((HELD, OTHERWISE))]
+    arms, times = [plain(), preloaded((0.0, 0.0, 0.0))], logs[0]["t"]
+    alone = [bha.simulate(arm, log, times=times, method="rk4", step=1e-3) for arm, log in zip(arms, logs, strict=True)]
+    batch = bha.simulate_batch(arms, logs, times=times, method="rk4")
+    for own, lengths in zip(alone, batch.lengths, strict=True):
+        np.testing.assert_allclose(lengths, own.lengths, atol=1e-9)
+    # One arm in both logs is two arms; from a given pose it is the file's.
+    both = bha.simulate_batch(plain(), logs, times=times, method="rk4").lengths
+    np.testing.assert_allclose(both[0], alone[0].lengths, atol=1e-9)
+    assert np.max(np.abs(both[1] - both[0])) > 1e-3
+    x0 = np.concatenate([alone[0].lengths[0], np.zeros(3)])
+    given = bha.simulate_batch(plain(), logs, x0, times=times, method="rk4").lengths
+    elsewhere = bha.simulate(plain(), logs[0], q0=x0[:3], times=times, method="rk4", step=1e-3).lengths
+    np.testing.assert_allclose(given[0], elsewhere, atol=1e-9)
+
+
+def test_runs_of_a_sweep_begin_where_their_logs_do(tmp_path: Path) -> None:
+    log = log_of(preloaded(OTHERWISE), 2, duration=3.0)
+    written(log, tmp_path / "log.csv")
+    plain().save(tmp_path / "arm.toml")
+    spec = {
+        "schema": "bha-sweep/1",
+        "arm": str(tmp_path / "arm.toml"),
+        "kind": "grid",
+        "metrics": ["final_tip_x"],
+        "input": {"logs": [str(tmp_path / "log.csv")]},
+        "simulation": {"dt": 0.1, "duration": 0.2, "method": "rk4"},
+        "vary": [{"what": "section.1.damping", "values": [2.0, 4.0]}],
+    }
+    plan = make_plan(spec)
+    for k in range(2):
+        arm = member(plan, plan.draws(k, 1)[0]).arm
+        assert get_value(arm.parameters, "section.1.damping") == (2.0, 4.0)[k]
+        to_x = get_value(arm.parameters, f"effect.{next(iter(preloads_of(arm.parameters)))}.to_x")
+        assert to_x == pytest.approx(OTHERWISE[0], abs=2e-3)
+    # Numbers that a sweep draws are its own.
+    drawn = make_plan({**spec, "vary": [{"what": "effect.2.to_x", "values": [0.0, 0.02]}]})
+    assert get_value(member(drawn, drawn.draws(1, 1)[0]).arm.parameters, "effect.2.to_x") == 0.02

@@ -17,7 +17,7 @@ from bha.cli.logs import columns_option, missing_option, pressures_option
 from bha.diagnosis.force_table import ResidualTable
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
-from bha.recordings.beginning import begun
+from bha.recordings.beginning import TAKEN, begins
 from bha.recordings.ranges import LengthExtremes
 from bha.runs.input import Interpolation
 from bha.runs.options import Method, Options
@@ -97,8 +97,9 @@ def simulate(
             progress=lambda fraction: bar.update(task, completed=fraction),
         )
         recording = Recording(arm, log, pressures=pressures)
-        arm, drive, told = begun(recording)
-        notes += [told] if told else []
+        start = begins(arm, recording)
+        arm, drive = start.taken_by(arm), start.drive
+        notes += [] if start.stands is None else [TAKEN]
         times = output_times(drive, dt)
         run = Simulation(
             arm, drive, Options(method, step, rtol, atol, max_steps=max_steps, interpolation=interpolation)

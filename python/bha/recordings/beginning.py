@@ -9,7 +9,7 @@ is held by the first pressures,
 
 read on the arc coordinates of each section. They follow from the arm and one pose, so that a fit has no number more,
 and a log that takes no part in it is simulated in the same way. An arm that has a ``preload`` in some sections takes it
-from each log that begins at rest (:func:`begun`); else its own numbers count.
+from each log that begins at rest (:class:`Beginning`); else its own numbers count.
 Limits: commands do not say what the chambers held before the log, so under commands the first one must have been held,
 or be one that the log comes back to (:mod:`bha.recordings.first_command`).
 """
@@ -27,7 +27,7 @@ from bha import _core
 from bha.arm import Arm
 from bha.parameters import ArmParameters, Place
 from bha.recordings.first_command import stood_under
-from bha.recordings.outputs import Observation
+from bha.recordings.outputs import Observation, Output
 from bha.recordings.pose import pose
 from bha.recordings.recording import Recording
 from bha.runs.input import Input
@@ -134,13 +134,34 @@ def preloads_there(arm: Arm, observation: Observation, there: Resting) -> dict[s
     return dict(zip(names, map(float, numbers), strict=True))
 
 
-def begun(recording: Recording) -> tuple[Arm, Input, str]:
-    """The arm as it was when a recording begins, what drives it from there, and what was taken from it, in words."""
-    arm = recording.arm
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """How a log begins: what of it an arm takes its preloads from, and what drives it from there.
+
+    Attributes:
+        stands: the pose it stands in; None where the log does not tell one.
+        outputs: what that pose was seen in.
+        drive: pressures and forces.
+    """
+
+    stands: Resting | None
+    outputs: tuple[Output, ...]
+    drive: Input
+
+    def taken_by(self, arm: Arm) -> Arm:
+        """The arm as it was when the log began: with the preloads, where it has such, that its first pose tells."""
+        if self.stands is None or not preloaded(arm.parameters):
+            return arm
+        return arm.with_values(preloads_there(arm, Observation.of(arm.parameters, self.outputs), self.stands))
+
+
+def begins(arm: Arm, recording: Recording) -> Beginning:
+    """How a recording begins for an arm; without preloads, or outputs to tell them, as the log drives it."""
     if not preloaded(arm.parameters) or not recording.outputs:
-        return arm, recording.drive, ""
+        return Beginning(None, (), recording.drive)
     stands, drive = beginning(recording, range(len(recording.outputs)))
-    if stands is None:
-        return arm, drive, ""
-    told = preloads_there(arm, Observation.of(arm.parameters, recording.outputs), stands)
-    return arm.with_values(told), drive, "preloads are those that the log's first pose tells"
+    return Beginning(stands, recording.outputs, drive)
+
+
+#: What a run says that takes its preloads from a log.
+TAKEN = "preloads are those that the log's first pose tells"

@@ -15,6 +15,7 @@ from bha.arrays import floats
 from bha.errors import BhaError, InputError, LogWarning
 from bha.logs import Log
 from bha.recordings import Recording
+from bha.recordings.beginning import Beginning, begins, preloaded
 from bha.recordings.ranges import members_beyond
 from bha.runs.input import Input, Interpolation
 from bha.runs.options import Method, Options
@@ -109,7 +110,8 @@ def simulate_batch(
         inputs: what drives them; a :class:`bha.Log` stands for its pressures and external forces. Give the same object
             again, not a copy, where members share an input.
         x0: initial lengths and rates, shape (6n,) or (members, 6n), m and m/s; at rest under the pressures at the start
-            if None.
+            if None: of a log that begins at rest an arm with the effect ``preload`` takes what held it there, as by
+            :func:`bha.simulate`.
         times: times of the rows, s, on the clock of the input, shape (rows,) or (members, rows), ascending; NaN at a
             row's end where a member has fewer. The samples of the first input from the start on if None.
         start: when the members start, s, a number or (members,); the first sample of the input if None.
@@ -157,8 +159,8 @@ def simulate_batch(
         found = ", ".join(f"{name} {size}" for name, size in sizes.items())
         raise InputError(f"the numbers of members differ: {found}; each must be 1 or the greatest of them")
 
+    arm_list, input_index, drives = _driven(arm_list, input_list, count, rest=state is None)
     arm_index, unique_arms = _unique(arm_list, count)
-    input_index, drives = _drives(arm_list, input_list, count)
     arm_index, unique_arms = _without_pneumatics(arm_index, unique_arms, [drives[k].commanded for k in input_index])
     if starts is None:
         starts = np.array([_first(drives[index]) for index in input_index])
@@ -279,19 +281,40 @@ def run_members(
     )
 
 
-def _drives(arms: list[Arm], inputs: list[Input | Log | Recording], count: int) -> tuple[list[int], list[Input]]:
-    """For each member the index of its drive, and the drives: one of a log for each ambient pressure of its arms."""
-    found: dict[tuple[int, float], int] = {}
+def _driven(
+    arms: list[Arm], inputs: list[Input | Log | Recording], count: int, *, rest: bool
+) -> tuple[list[Arm], list[int], list[Input]]:
+    """The arms, for each member the index of its drive, and the drives; each object once.
+
+    Of a log that begins at rest an arm takes its preloads, where it starts at rest too (:class:`Beginning`). A log is
+    another drive for arms in another ambient pressure, and for those that take preloads from it.
+    """
+    starts: dict[tuple[int, float, bool], tuple[int, Beginning]] = {}
+    taken: dict[tuple[int, int], Arm] = {}
+    members: list[Arm] = []
     index: list[int] = []
     drives: list[Input] = []
     for k in range(count):
         arm, given = arms[k % len(arms)], inputs[k % len(inputs)]
         ambient = arm.parameters.ambient_pressure if isinstance(given, Log) else 0.0
-        if (id(given), ambient) not in found:
-            found[id(given), ambient] = len(drives)
-            drives.append(as_input(arm, given))
-        index.append(found[id(given), ambient])
-    return index, drives
+        takes = rest and bool(preloaded(arm.parameters))
+        key = id(given), ambient, takes
+        if key not in starts:
+            start = _beginning(arm, given) if takes else Beginning(None, (), as_input(arm, given))
+            starts[key] = len(drives), start
+            drives.append(start.drive)
+        place, start = starts[key]
+        index.append(place)
+        if (id(arm), id(given)) not in taken:
+            taken[id(arm), id(given)] = start.taken_by(arm)
+        members.append(taken[id(arm), id(given)])
+    return members, index, drives
+
+
+def _beginning(arm: Arm, given: Input | Log | Recording) -> Beginning:
+    if isinstance(given, Input):
+        return Beginning(None, (), given)
+    return begins(arm, Recording(arm, given) if isinstance(given, Log) else given)
 
 
 def _unique(items: list[T], count: int) -> tuple[list[int], list[T]]:

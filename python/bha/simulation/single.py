@@ -14,7 +14,7 @@ from bha.arrays import floats
 from bha.errors import InputError, SimulationError
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
-from bha.recordings.beginning import begun
+from bha.recordings.beginning import begins
 from bha.recordings.ranges import LengthExtremes
 from bha.runs.input import Input
 from bha.runs.options import Method, Options
@@ -114,9 +114,9 @@ def _begun(
     """The arm as it stands where a log begins, and its input; as it is for other inputs or from a given pose."""
     if isinstance(drive, Log | str | os.PathLike):
         drive = Recording(arm, drive, pressures=options["pressures"])
-    if isinstance(drive, Recording) and q0 is None and drive.arm == arm:
-        begins, source, _ = begun(drive)
-        return begins, source
+    if isinstance(drive, Recording) and q0 is None:
+        start = begins(arm, drive)
+        return start.taken_by(arm), start.drive
     return arm, as_input(arm, drive, **options)
 
 

@@ -43,7 +43,7 @@ def member(plan: Plan, draw: Array) -> Member:
     """
     log = next((int(x) for target, x in zip(plan.targets, draw, strict=True) if target.kind == "log"), 0)
     drive = _driven(plan, plan.inputs[log], draw)
-    return Member(_arm(plan, draw), log, drive, _rest(plan, drive, draw))
+    return Member(_arm(plan, log, draw), log, drive, _rest(plan, drive, draw))
 
 
 def deviations(plan: Plan, draws: Array) -> Array | None:
@@ -65,12 +65,14 @@ def deviations(plan: Plan, draws: Array) -> Array | None:
     return added
 
 
-def _arm(plan: Plan, draw: Array) -> Arm:
+def _arm(plan: Plan, log: int, draw: Array) -> Arm:
     values: dict[str, float] = {}
     for target, number in zip(plan.targets, draw, strict=True):
         if target.kind == "parameter":
             values |= _values(target, float(number))
-    return Arm(with_values(plan.arm.parameters, values)) if values else plan.arm
+    if not values:
+        return plan.standing[log]
+    return plan.beginnings[log].taken_by(Arm(with_values(plan.arm.parameters, values)))
 
 
 def _values(target: Target, number: float) -> dict[str, float]:

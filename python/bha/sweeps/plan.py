@@ -18,6 +18,7 @@ from bha.arm import Arm
 from bha.parameters import ArmParameters
 from bha.parameters.messages import shown
 from bha.recordings import Recording, recordings
+from bha.recordings.beginning import NUMBERS, Beginning, begins, preloaded
 from bha.runs.input import Input
 from bha.sweeps.draws import grid_rows, grid_values, levels, monte_carlo_rows
 from bha.sweeps.spec import GROUP, SweepSpec
@@ -44,6 +45,7 @@ class Plan:
         targets: what each acts on.
         arm: the arm of the file, without provenance.
         inputs: what drives it, one a log, each cut to the duration.
+        beginnings: how each of them begins: where runs start at rest, the arm takes what held it there.
         input_names: names of the logs as the file has them.
         runs: how many.
         instruction_set: what computes runs abreast.
@@ -55,6 +57,7 @@ class Plan:
     targets: tuple[Target, ...]
     arm: Arm
     inputs: tuple[Input, ...]
+    beginnings: tuple[Beginning, ...]
     input_names: tuple[str, ...]
     runs: int
     instruction_set: Any
@@ -64,6 +67,11 @@ class Plan:
     def fingerprint(self) -> str:
         """SHA-256 of everything that the results follow from, hexadecimal."""
         return _digest(json.dumps(self.parts, sort_keys=True))
+
+    @cached_property
+    def standing(self) -> tuple[Arm, ...]:
+        """The arm of the file as it stands where each input begins."""
+        return tuple(begun.taken_by(self.arm) for begun in self.beginnings)
 
     @property
     def partitions(self) -> int:
@@ -131,7 +139,7 @@ def make_plan(spec: AnySpec, *, instruction_set: str | None = None) -> Plan:
         spec = SweepSpec.from_mapping(spec) if isinstance(spec, Mapping) else SweepSpec.read(spec)
     arm = _arm(spec)
     recorded = _recordings(spec, arm)
-    inputs, hashes = _inputs(spec, arm, recorded)
+    beginnings, hashes = _beginnings(spec, arm, recorded)
     arm = recorded[0].acting if recorded else arm  # measured pressures act as they are
     logs = spec.input.logs or ()
     arm = Arm(_bare(arm.parameters))
@@ -157,9 +165,19 @@ def make_plan(spec: AnySpec, *, instruction_set: str | None = None) -> Plan:
         "package version": _core.__version__,
         "instruction set": chosen,
     }
-    for number, drive in enumerate(inputs):
-        _check_rows(spec, arm, drive, _name(logs, number))
-    return Plan(spec, variables, targets, arm, inputs, logs, spec.run_count, chosen, parts)
+    for number, begun in enumerate(beginnings):
+        _check_rows(spec, arm, begun.drive, _name(logs, number))
+    inputs = tuple(begun.drive for begun in beginnings)
+    if _starts_elsewhere(spec, arm, targets):
+        beginnings = tuple(Beginning(None, (), drive) for drive in inputs)
+    return Plan(spec, variables, targets, arm, inputs, beginnings, logs, spec.run_count, chosen, parts)
+
+
+def _starts_elsewhere(spec: SweepSpec, arm: Arm, targets: tuple[Target, ...]) -> bool:
+    """Whether runs start from what the spec says, or with preloads that it draws, in place of a log's first pose."""
+    own = {f"effect.{number}.{name}" for number in preloaded(arm.parameters) for name in NUMBERS}
+    drawn = any(str(path) in own for target in targets if target.kind == "parameter" for path in target.places)
+    return drawn or spec.initial.lengths is not None or spec.initial.pressures is not None
 
 
 def _check_rows(spec: SweepSpec, arm: Arm, drive: Input, name: str) -> None:
@@ -213,23 +231,24 @@ def _recordings(spec: SweepSpec, arm: Arm) -> list[Recording]:
     return recordings(arm, paths, pressures=given.log_pressures, missing=given.log_missing, mapping=mapping)
 
 
-def _inputs(spec: SweepSpec, arm: Arm, recorded: Sequence[Recording]) -> tuple[tuple[Input, ...], list[str]]:
+def _beginnings(spec: SweepSpec, arm: Arm, recorded: Sequence[Recording]) -> tuple[tuple[Beginning, ...], list[str]]:
     duration = spec.simulation.duration
     if spec.input.pressures is not None:
         assert duration is not None
         _check_length(spec, ("input", "pressures"), spec.input.pressures, len(arm.inputs), "inputs")
-        return (Input.constant(spec.input.pressures, duration),), []
-    inputs, hashes = [], []
+        return (Beginning(None, (), Input.constant(spec.input.pressures, duration)),), []
+    found, hashes = [], []
     for number, recording in enumerate(recorded):
-        drive = recording.drive
+        begun = begins(arm, recording)
+        drive = begun.drive
         if duration is not None:
             if drive.time[0] + duration > drive.time[-1] + 1e-9 * duration:
                 span = f"{_name(spec.input.logs or (), number)} has {drive.time[-1] - drive.time[0]:g} s"
                 raise spec.fault(("simulation", "duration"), f"found {duration}; {span}; allowed: at most that")
-            drive = _cut(drive, drive.time[0] + duration)
-        inputs.append(drive)
+            begun = replace(begun, drive=_cut(drive, drive.time[0] + duration))
+        found.append(begun)
         hashes.append(str(recording.log.sha256))
-    return tuple(inputs), hashes
+    return tuple(found), hashes
 
 
 def _cut(drive: Input, end: float) -> Input:
