@@ -26,10 +26,15 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
         || inputs.0.force_count() == inputs.1.force_count()
             && same_points(inputs.0.points(), inputs.1.points())
             && inputs.0.jumps() == inputs.1.jumps();
-    // Jumps come later by the arm's own delays.
-    let delayed =
-        |arm: &Arm| arm.effects.list.iter().any(|e| (0..arm.body.inputs).any(|j| e.kind.input_delay(j).is_some()));
-    same_times && same_clock && same_input && (a.arm == b.arm || !delayed(arms.0) && same_structure(arms.0, arms.1))
+    same_times
+        && same_clock
+        && same_input
+        && (a.arm == b.arm || same_structure(arms.0, arms.1) && delays(arms.0).eq(delays(arms.1)))
+}
+
+/// How much later jumps and samples of the inputs come to an arm, delay by delay and input by input.
+fn delays(arm: &Arm) -> impl Iterator<Item = Option<f64>> {
+    arm.effects.list.iter().flat_map(|e| (0..arm.body.inputs).map(|j| e.kind.input_delay(j)))
 }
 
 #[cfg(test)]
@@ -60,12 +65,16 @@ mod tests {
             Arc::new(Arm::new(&crate::body::parameters::ArmParameters { effect, ..parameters.clone() }).unwrap())
         };
         let delay = |time| arm(effect("delay", &[("time", time)], None));
+        let mut heavier = parameters.clone();
+        heavier.section[0].mass *= 1.1;
+        heavier.effect = effect("delay", &[("time", 0.01)], None);
         let arms = [
             arm(Vec::new()),
             arm(effect("pressure_lag", &[("fill", 0.1), ("vent", 0.2)], None)),
             arm(effect("formula", &[], Some("0.1 * t"))),
             delay(0.01),
             delay(0.02),
+            Arc::new(Arm::new(&heavier).unwrap()),
         ];
         let inputs = [
             input(&[0.0, 1.0], 0.0, Interpolation::Linear),
@@ -97,6 +106,8 @@ mod tests {
         }
         // Delays put jumps and samples at times of their own; other structures never go together.
         assert!(!share(member(3, 0, NOW), member(4, 0, NOW)));
+        // Arms that differ in other numbers and have the same delay do.
+        assert!(share(member(3, 0, NOW), member(5, 0, NOW)));
         assert!(!share(member(0, 0, NOW), member(1, 0, NOW)));
         assert!(!share(member(0, 0, NOW), member(0, 0, &LATER[..1])));
     }
