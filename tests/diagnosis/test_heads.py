@@ -49,7 +49,7 @@ def test_a_hidden_lag_is_named_from_heads_alone() -> None:
     assert found.gap.after < 0.2 * found.gap.before
 
 
-def test_a_lag_between_command_and_chamber_is_named_in_an_arm_that_creeps() -> None:
+def test_a_lag_between_command_and_chamber_is_told_in_an_arm_that_creeps() -> None:
     # Damped a hundred times as much as it weighs, and its file knows the damping to a factor of twenty only. The first
     # step of every log comes with its first row, so that the chambers begin elsewhere than the commands.
     arm = one_section({"damping": 100.0})
@@ -68,11 +68,11 @@ def test_a_lag_between_command_and_chamber_is_named_in_an_arm_that_creeps() -> N
         logs.append(cut(log_of_heads(arm, whole, p, run, number, 1e-4, prefix="pc"), 10.0))
     product = one_section({**OFF, "damping": 5.0})
     found = bha.diagnose(product, logs[:2], logs[2:], kinds=KINDS, pressures="commanded")
-    assert found.verdict == "named"
-    assert [(e.kind, e.where) for e in found.effects] == [("pressure_lag", "all")]
+    assert found.verdict == "equivalent"
+    assert [(e.kind, e.where, e.plain) for e in found.effects] == [("pressure_lag", "all", True)]
     assert found.effects[0].parameters["fill"].value == pytest.approx(0.5, rel=0.1)
     assert found.effects[0].parameters["vent"].value == pytest.approx(1.5, rel=0.1)
-    assert found.gap.after < 0.2 * found.gap.before
+    assert found.gap.before < 1.1 * found.gap.noise
     assert any("rests under its commands" in note for note in found.residual["notes"])
 
 

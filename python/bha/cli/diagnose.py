@@ -21,7 +21,14 @@ from bha.cli.common import (
 from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs, repair_option
 from bha.diagnosis import diagnose as run
 from bha.diagnosis.result import Diagnosis, Number
-from bha.diagnosis.words import VERDICTS, alike_in_words, errors_in_words, experiment_in_words, headline
+from bha.diagnosis.words import (
+    VERDICTS,
+    alike_in_words,
+    commands_in_words,
+    errors_in_words,
+    experiment_in_words,
+    headline,
+)
 from bha.recordings import PressureSort
 
 
@@ -95,7 +102,10 @@ def _print(found: Diagnosis, out: Path) -> None:
     """The diagnosis in some ten lines; the report has the rest."""
     if not found.complete:
         say("Interrupted: the search is not complete; the same command goes on. So far:")
-    say(f": {headline(found)}" if found.effects else f": {found.reason}", head=VERDICTS[found.verdict])
+    say(f": {headline(found)}" if found.missing else f": {found.reason}", head=VERDICTS[found.verdict])
+    if not found.missing:
+        for text in commands_in_words(found):
+            say(text)
     say(errors_in_words(found.gap, named=found.has_names))
     for text in found.setup:
         say(text)
@@ -109,7 +119,7 @@ def _print(found: Diagnosis, out: Path) -> None:
         say(found.residual_force.reason, head="force: ")
     if found.next_experiment is not None:
         say(experiment_in_words(found.next_experiment), head="next: ")
-    if found.effects:
+    if found.missing:
         say(found.reason)
     elif found.candidates:
         best = ", ".join(f"{c.kind} at {c.where}" for c in found.candidates[:3])

@@ -53,7 +53,7 @@ def arm_figure(outcome: Investigation, arm: Arm) -> Any | None:
     lengths = _lengths(arm, record, trial.prediction.states[0], rows)
     if lengths is None:
         return None
-    return _animated(arm, record, rows, lengths, outcome.diagnosis.effects, named=outcome.diagnosis.has_names)
+    return _animated(arm, record, rows, lengths, outcome.diagnosis.missing, named=outcome.diagnosis.has_names)
 
 
 def _lengths(arm: Arm, record: Record, state: Array, rows: NDArray[np.intp]) -> Array | None:

@@ -21,6 +21,7 @@ from bha.diagnosis.fit import Fit, Problem, evaluate, improve, problem_of, weigh
 from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera
 from bha.diagnosis.preparation import cut_to, thin
 from bha.diagnosis.smoothing import filtered
+from bha.diagnosis.valves import is_of_valves, through, without_valves
 from bha.errors import ConvergenceError, InputError
 from bha.estimation.bands import (
     QUIET_FREQUENCY,
@@ -265,17 +266,25 @@ class Baseline:
 
 
 def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel) -> tuple[Array, list[Array]]:
-    """Plain parameters by multiple shooting, and guesses of the logs' initial states."""
-    x, whole = np.zeros(model.size), _whole(prepared.records)
-    parts = pieces(prepared.records, model.sections)
+    """Plain parameters by multiple shooting, and guesses of the logs' initial states.
+
+    Pieces are driven by what the valves make of commands where these begin: there a piece alone would know nothing of
+    commands before it.
+    """
+    whole, parts, every = _whole(prepared.records), pieces(prepared.records, model.sections), model
+    if parts is not None and any(is_of_valves(c) for c in model.plain):
+        model = without_valves(model).on([through(model.parameters, record) for record in model.records])
+    x = np.zeros(model.size)
     states = list(prepared.states if parts is None else model.guesses(x, parts))
     problem = problem_of(model, parts or whole, rough, np.stack(states))
     fit = improve(problem, evaluate(problem, model, x, states), iterations=20, tolerance=0.02, renewals=5, limit=FAR)
     if parts is None:
         return fit.x, list(fit.states)
+    found = dict(zip((c.name for c in model.plain), fit.x, strict=True))
+    x = np.array([found.get(c.name, 0.0) for c in every.plain])
     # Heads tell another pose by another camera.
-    seen = any(of_camera(c) for c in model.plain)
-    return fit.x, list(model.guesses(fit.x, whole) if seen else prepared.states)
+    seen = any(of_camera(c) for c in every.plain)
+    return x, list(every.guesses(x, whole) if seen else prepared.states)
 
 
 def _with_file_camera(

@@ -23,6 +23,7 @@ from bha.diagnosis.residual import describe_residual
 from bha.diagnosis.result import Alternative, CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
 from bha.diagnosis.screen import Signatures
 from bha.diagnosis.select import Search, told
+from bha.diagnosis.valves import found_valves, is_of_valves
 from bha.estimation.records import Record
 from bha.estimation.terms import element_of, number_of
 
@@ -94,7 +95,7 @@ def describe(
             unit=c.unit,
             ci95=uncertainty[k],
             at_bound=c.at_bound(float(v)),
-            start=c.start if np.isfinite(c.start) else None,
+            start=c.start if np.isfinite(c.start) and not is_of_valves(c) else None,
         )
         for k, (c, v) in enumerate(zip(final.fit.model.plain, final.fit.x, strict=False))
     }
@@ -104,7 +105,7 @@ def describe(
             "schema": "bha-diagnosis/2",
             "verdict": "one_of" if any(e.one_of for e in effects) else verdict.verdict,
             "reason": verdict.reason,
-            "effects": effects,
+            "effects": [*effects, *found_valves(final.fit.model, final.fit.x, uncertainty)],
             "gap": Gap(
                 noise=errors[0],
                 before=errors[1],

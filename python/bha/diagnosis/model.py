@@ -89,12 +89,13 @@ def is_damping(coordinate: Coordinate) -> bool:
     return paths.key_of(coordinate.path) == "damping"
 
 
-def plain_model(arm: Arm, *, camera: bool = False) -> Model:
-    """The model of an arm with its plain parameters free, those of its camera too if wanted."""
+def plain_model(arm: Arm, *, camera: bool = False, more: Sequence[Coordinate] = ()) -> Model:
+    """The model of an arm with its plain parameters free, ``more`` beside them, those of its camera too if wanted."""
     core = core_of(arm.parameters)
     coordinates: list[Coordinate] = []
     for i, section in enumerate(core["section"]):
         coordinates += _plain_of_section(arm, i, section)
+    coordinates += more
     if camera:
         coordinates += _of_the_camera(arm)
     return Model(arm.parameters, tuple(coordinates), differences=DIFFERENCES)

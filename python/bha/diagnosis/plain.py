@@ -3,8 +3,8 @@
 What: the plain fit (:mod:`bha.diagnosis.baseline`) is a local one. A data sheet's values are near enough; those of a
 tape measure are off by factors, and then the fit diverges or ends in another valley. Where it leaves much of the
 motion, or nothing comes of it, it is made again from where an identification would begin
-(:mod:`bha.estimation.begin`), and the better of the two counts. Lags of commands are not looked for here: they are
-physics that a diagnosis names.
+(:mod:`bha.estimation.begin`), and the better of the two counts. Under commands a lag and a dead time of all inputs are
+among its numbers (:mod:`bha.diagnosis.valves`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ from bha.diagnosis.baseline import Baseline, fit_baseline, prepare_runs
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.decide import faults_in_words
 from bha.diagnosis.model import plain_model
+from bha.diagnosis.valves import begun, coordinates_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
 from bha.estimation.begin import begin
 from bha.estimation.free import apply, resolve
+from bha.estimation.lags import PATHS, with_lag
 from bha.estimation.records import Record
 from bha.estimation.refinement import remembers
 from bha.estimation.runs import Integration
@@ -113,8 +115,12 @@ def fit_plain(
     """
 
     def fitted(start: Arm, label: str) -> Plain:
+        if commanded:
+            tell("looking for lag and dead time of the commands", None)
+            start = begun(with_valves(start), train, threads)
         acting = start if commanded else start.with_changes(pneumatics="ideal")
-        model = replace(plain_model(acting, camera=camera), integration=Integration(threads=threads))
+        valves = coordinates_of(acting.parameters) if commanded else ()
+        model = replace(plain_model(acting, camera=camera, more=valves), integration=Integration(threads=threads))
         tell("choosing the integration step", None)
         prepared = prepare_runs(model, train)
         model = replace(model.on(prepared.records), integration=prepared.integration(threads))
@@ -132,7 +138,7 @@ def fit_plain(
             raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
         why = error
     tell("looking for where to begin", None)
-    start, second = _begun(arm, train, threads), None
+    start, second = _begun(arm, train, threads, commanded), None
     if start is not None:
         with suppress(ConvergenceError):
             second = fitted(start, "begun")
@@ -142,15 +148,19 @@ def fit_plain(
     return min(fits, key=lambda fit: fit.left)
 
 
-def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
-    """The arm from which an identification of these logs would begin; None where that is the file's."""
+def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bool) -> Arm | None:
+    """The arm from which an identification of these logs would begin; None where that is the file's.
+
+    Of commands without their lag, which is looked for anew from there.
+    """
     try:
-        free = default_free_of(arm.parameters, train)
-        found = begin(arm, train, free, whole=remembers(arm, train), enough=0.0, threads=threads)
+        lagging, lags = with_lag(arm, train) if commanded else (arm, ())
+        free = (*default_free_of(arm.parameters, train), *lags)
+        found = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
         if found.from_file:
             return None
-        coordinates = resolve(found.arm.parameters, found.free)
-        moved = apply(found.arm.parameters, coordinates, np.zeros(len(coordinates)))
+        coordinates = resolve(arm.parameters, [f for f in found.free if f.path not in PATHS])
+        moved = apply(arm.parameters, coordinates, np.zeros(len(coordinates)))
         return arm.with_parameters(_with_free_areas(moved, arm.parameters))
     except BhaError:
         return None

@@ -157,7 +157,7 @@ class _Figures:
 def _head(found: Diagnosis, arm_name: str) -> str:
     made, incomplete = found.made, "" if found.complete else "<p><b>Interrupted: the search is not complete.</b></p>"
     of_when = f", {escape(made.date[:16].replace('T', ' '))}" if made else ""
-    names = ", ".join(f"{e.kind} at {e.where}" for e in found.effects)
+    names = ", ".join(f"{e.kind} at {e.where}" for e in found.missing)
     return (
         f"<p class='soft'>Diagnosis of {escape(arm_name)}{of_when}</p><div class='verdict {escape(found.verdict)}'>"
         f"<h1>{escape(headline(found))}</h1><p>"

@@ -139,6 +139,8 @@ class Effect(Table):
         experiment: what would tell it from those it is confused with, empty where nothing has to.
         gap_removed: share of the excess error on the held-out logs that it removes, beside the other effects named.
         slow: of a class "lag of the pressures or damping" the times that both have together; else empty.
+        plain: whether it is part of the plain model: the lag and the dead time that every arm has between command and
+            chamber. It is said where it is clearly there, whatever the verdict, and explains no gap.
         corrections: more of the same kind at nested places. Real effects have other forms than the catalogue's and
             differ between the bellows of an arm; such terms are no causes of their own.
     """
@@ -154,6 +156,7 @@ class Effect(Table):
     experiment: str = ""
     gap_removed: Finite = 0.0
     slow: list[SlowSection] = []
+    plain: bool = False
     corrections: list[Correction] = []
 
 
@@ -278,7 +281,8 @@ class Diagnosis(Table):
     Attributes:
         verdict: ``named``, ``one_of``, ``equivalent``, ``unexplained`` or ``setup``.
         effects: the named effects, the strongest first, each with what it cannot be told from; empty unless ``named``
-            or ``one_of``.
+            or ``one_of``. Then, whatever the verdict, lag and dead time of commands where they are clearly there
+            (``plain``).
         gap: open-loop error on held-out logs.
         where: where the error of the plain model sits: by channel, section, mode, band, time and region.
         candidates: all candidates, the most promising first.
@@ -320,9 +324,19 @@ class Diagnosis(Table):
         """Whether effects are named, told from all others or not."""
         return self.verdict in ("named", "one_of")
 
+    @property
+    def missing(self) -> list[Effect]:
+        """What the plain model lacks: the named effects without those of its own."""
+        return [effect for effect in self.effects if not effect.plain]
+
+    @property
+    def of_commands(self) -> list[Effect]:
+        """What lies between command and chamber, as part of the plain model."""
+        return [effect for effect in self.effects if effect.plain]
+
     def __repr__(self) -> str:
         """Verdict and open-loop errors in a line."""
-        named = ", ".join(f"{effect.kind} at {effect.where}" for effect in self.effects)
+        named = ", ".join(f"{effect.kind} at {effect.where}" for effect in self.missing)
         errors = f"{1e3 * self.gap.before:.3g} mm before, {1e3 * self.gap.after:.3g} mm after"
         end = "" if self.complete else ", interrupted"
         verdict = f"{self.verdict}: {named}" if named else self.verdict

@@ -153,11 +153,13 @@ def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Dia
         records: its logs.
     """
     slow = [e for e in found.effects if e.kind in SLOW and not e.where.startswith(("input ", "bellows ", "sensors"))]
-    if not found.has_names and found.verdict != "equivalent":
+    if not found.has_names and found.verdict != "equivalent" and not slow:
         return found
     if any(_knows_ways(e) for e in slow):
         return found
     lag, error = _lag(slow)
+    # A dead time of the plain model is told beside the lag that it has.
+    slow = [e for e in slow if not (e.plain and e.kind == "delay")]
     # Where a refit with the other sort of slowness is as good, the logs do not tell, whatever the arm that was found.
     rivals = any(other.kind in SLOW for e in slow for other in e.one_of)
     times = _times(arm, records, lag, error, swinging=rivals)
@@ -251,4 +253,5 @@ def _with_class(found: Diagnosis, slow: Sequence[Effect], times: Sequence[Common
         else e
         for name, e in found.plain.items()
     }
-    return found.model_copy(update={"verdict": "one_of", "effects": effects, "plain": plain})
+    verdict = found.verdict if all(e.plain for e in slow) else "one_of"
+    return found.model_copy(update={"verdict": verdict, "effects": effects, "plain": plain})

@@ -83,7 +83,7 @@ def split(arm: Arm, found: Diagnosis, observation: Observation, seed: int = 0) -
         seed: of the programmes.
     """
     # Pressures alone never split lag from damping: near a pose the two change places and nothing shows.
-    effect = next((e for e in found.effects if e.one_of and not e.slow), None)
+    effect = next((e for e in found.missing if e.one_of and not e.slow), None)
     if effect is None:
         return None
     members = arms_of_class(arm, effect)

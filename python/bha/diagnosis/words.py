@@ -28,6 +28,8 @@ VERDICTS = {
 }
 #: Below this an angle, rad, or a length, m, is not worth its number.
 _NO_ANGLE, _NO_LENGTH = 1e-4, 1e-5
+#: Times of filling and venting that differ by less than this part are said as one.
+_ALIKE = 0.05
 
 
 @dataclass(frozen=True)
@@ -353,11 +355,28 @@ def effect_in_words(kind: str, where: str, numbers: Numbers) -> str:
 
 def headline(found: Diagnosis) -> str:
     """The verdict in one line: what is named, in words, with the class where it is one; or the verdict's own name."""
-    if not found.effects:
-        return VERDICTS[found.verdict]
-    sentences = [class_in_words(effect) for effect in found.effects]
-    text = "; ".join(sentences)
+    sentences = [class_in_words(effect) for effect in found.missing] or [VERDICTS[found.verdict]]
+    text = "; ".join([*sentences, *commands_in_words(found)])
     return text[0].upper() + text[1:]
+
+
+def commands_in_words(found: Diagnosis) -> list[str]:
+    """How commands reach the bellows: a sentence, none where nothing lies between that shows."""
+    own = {effect.kind: effect for effect in found.of_commands}
+    parts = []
+    if lag := own.get("pressure_lag"):
+        if lag.slow:
+            return [slow_in_words(lag.slow)]
+        fill, vent = (lag.parameters[name].value for name in ("fill", "vent"))
+        alike = math.isclose(fill, vent, rel_tol=_ALIKE)
+        parts.append(
+            f"a lag of {number(0.5 * (fill + vent), 's')}"
+            if alike
+            else f"a lag of {number(fill, 's')} when filling and {number(vent, 's')} when venting"
+        )
+    if late := own.get("delay"):
+        parts.append(f"a dead time of {number(late.parameters['time'].value, 's')}")
+    return [f"commands reach the bellows through {' and '.join(parts)}"] if parts else []
 
 
 def in_words(effect: Effect | Alternative) -> str:

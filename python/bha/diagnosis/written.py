@@ -12,8 +12,10 @@ from bha._core import __version__
 from bha.diagnosis.force_summary import FORCE_FILE, TABLE_FILE
 from bha.diagnosis.model import sensors_at
 from bha.diagnosis.result import Made, NextExperiment, SourceFile
+from bha.diagnosis.valves import is_of_valves
 from bha.errors import FileError, InputError, way_out
 from bha.estimation.engine import Model
+from bha.estimation.free import with_values
 from bha.parameters import paths
 from bha.support.files import check_target
 
@@ -113,7 +115,7 @@ def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
     _write_plain(mapping, model, x, outcome, references)
     tables = [
         _effect_table(effect.kind, where, parameters, references)
-        for effect in outcome.diagnosis.effects
+        for effect in outcome.diagnosis.missing
         for where, parameters in (
             *((effect.where, e) for e in effect.elements or [effect.parameters]),
             *((c.where, c.parameters) for c in effect.corrections),
@@ -122,8 +124,9 @@ def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
     changes: dict[str, Any] = {"section": mapping["section"]}
     if sensors := sensors_at(model, x):
         changes["sensors"] = _sensors_table(arm, sensors, outcome, references)
+    changes |= _valves_tables(arm, outcome, references)
     if tables:
-        changes["effect"] = [*mapping.get("effect", []), *tables]
+        changes["effect"] = [*changes.get("effect", mapping.get("effect", [])), *tables]
     return arm.with_parameters(arm.parameters.updated(changes))
 
 
@@ -173,6 +176,20 @@ def _write_plain(
         for key in ("inertia", "center_of_mass", "stiffness", "bending_stiffness"):
             provenance[key] = {"status": "identified", **({"logs": references} if references else {})}
         table["provenance"] = provenance
+
+
+def _valves_tables(arm: Arm, outcome: Investigation, references: list[dict[str, str]]) -> dict[str, Any]:
+    """``[pneumatics]`` and effects with the lag and the dead time of commands that were estimated."""
+    own = [(k, c) for k, c in enumerate(outcome.model.plain) if is_of_valves(c)]
+    if not own:
+        return {}
+    values = [c.value(float(outcome.x[k])) for k, c in own]
+    mapping = with_values(arm.parameters, [c for _, c in own], values).to_mapping()
+    for k, c in own:
+        first, *rest = c.path.split(".")
+        table = mapping["effect"][int(rest[0]) - 1] if first == "effect" else mapping["pneumatics"]
+        table["provenance"] = {**table.get("provenance", {}), rest[-1]: _entry(outcome.uncertainty[k], references)}
+    return {key: mapping[key] for key in ("pneumatics", "effect") if key in mapping}
 
 
 def _sensors_table(

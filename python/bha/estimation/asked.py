@@ -38,7 +38,7 @@ AREA = "effective_area"
 BY_LENGTH = 15.0
 #: Dead times that are tried, s, the least and greatest that are sought, and the deviation of the prior's logarithm.
 DELAYS = (0.02, 0.05, 0.1, 0.2)
-_LEAST, _GREATEST, _DEVIATION = 1e-4, 2.0, 2.0
+_LEAST, LATEST, _DEVIATION = 1e-4, 2.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def dead_time(parameters: ArmParameters, free: Sequence[FreeParameter | str]) ->
     mapping = parameters.to_mapping()
     effects = [*mapping.get("effect", []), {"kind": "delay", "where": "all", "time": DELAYS[0]}]
     path, prior = f"effect.{len(effects)}.time", (DELAYS[0], _DEVIATION * DELAYS[0])
-    late = FreeParameter(path, lower=_LEAST, upper=_GREATEST, prior=prior, logarithmic=True)
+    late = FreeParameter(path, lower=_LEAST, upper=LATEST, prior=prior, logarithmic=True)
     said = "commands act after a dead time (effect delay), which was added"
     return Asked(parameters.updated({**mapping, "effect": effects}), (*free, late), said, False)
 

@@ -1,0 +1,195 @@
+"""What lies between a command and its chamber, as numbers of the plain model: a lag and a dead time of all inputs.
+
+What: every arm whose logs hold commands alone has both, so that they are no finding of a search: they are free beside
+masses and stiffnesses from the start (:mod:`bha.estimation.lags` has their ranges). They stand as effects
+``pressure_lag`` and ``delay`` at ``all`` among the arm's own. Where they begin a search by simulations says: the loss
+has a valley for each way of dividing an arm's slowness into lag, dead time and damping, and a local fit ends in the one
+it began in.
+Limits: one lag and one dead time for all inputs. Gains and offsets of all inputs together act as areas and rest lengths
+do, and are not free. An arm whose file has ``level = "lag"`` keeps it there; one with ``"full"`` has its pneumatics
+from the file alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.arm import Arm
+from bha.diagnosis.model import coordinate
+from bha.diagnosis.result import Effect, Number
+from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
+from bha.estimation.asked import LATEST
+from bha.estimation.dynamics import trials
+from bha.estimation.engine import Model
+from bha.estimation.free import apply, resolve
+from bha.estimation.lags import GREATEST, LEAST, PATHS, START
+from bha.estimation.runs import Integration
+from bha.estimation.terms import number_of
+from bha.parameters import paths
+
+if TYPE_CHECKING:
+    from bha.estimation.free import Coordinate
+    from bha.estimation.records import Record
+    from bha.parameters import ArmParameters, EffectParameters
+    from bha.parameters.provenance import ProvenanceTable
+
+Array = NDArray[np.float64]
+
+LAG, DELAY = "pressure_lag", "delay"
+#: Numbers of the two, with what reports call them.
+NUMBERS = {
+    (LAG, "fill"): "lag of commands, filling",
+    (LAG, "vent"): "lag of commands, venting",
+    (DELAY, "time"): "dead time of commands",
+}
+#: How far they plausibly are from where they begin: a lag's logarithm, and a dead time, s.
+LAG_SPREAD, DELAY_SPREAD = 2.0, 0.1
+#: Lags and dead times from which the fit may begin, s, and factors on the file's damping at which they are tried.
+LAGS, DELAYS, DAMPINGS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), (0.0, 0.05, 0.1, 0.2), (0.2, 1.0, 4.0)
+
+#: A time of less than this, s, is none.
+SHORTEST = 4e-3
+
+
+def with_valves(arm: Arm) -> Arm:
+    """The arm with a lag and a dead time of its inputs, where its file has none that would stand for them."""
+    own = {effect.kind for effect in arm.parameters.effects if effect.where == "all"}
+    added = []
+    if LAG not in own and arm.pneumatics_level == "ideal":
+        added.append({"kind": LAG, "where": "all", "fill": START, "vent": START})
+    if DELAY not in own and arm.pneumatics_level != "full":
+        added.append({"kind": DELAY, "where": "all", "time": 0.0})
+    return arm.with_effects([*arm.parameters.effects, *added]) if added else arm
+
+
+def coordinates_of(parameters: ArmParameters) -> tuple[Coordinate, ...]:
+    """The free numbers of what lies between command and chamber; what the file calls published is known and stays."""
+    found = []
+    for path, kind, number in _paths(parameters):
+        value = float(paths.get_value(parameters, path))
+        logarithmic = kind == LAG
+        low, high = (LEAST, GREATEST) if logarithmic else (0.0, LATEST)
+        own = coordinate(
+            NUMBERS[kind, number],
+            path,
+            "s",
+            min(max(value, low), high),
+            LAG_SPREAD if logarithmic else DELAY_SPREAD,
+            logarithmic=logarithmic,
+            low=low,
+            high=high,
+        )
+        found.append(replace(own, members=(path,)))
+    return tuple(found)
+
+
+def is_of_valves(own: Coordinate) -> bool:
+    """Whether a plain coordinate is of a lag or a dead time of commands."""
+    return own.name in NUMBERS.values()
+
+
+def begun(arm: Arm, records: Sequence[Record], threads: int | None) -> Arm:
+    """The arm with the lag and the dead time that simulations of its logs like best, of a grid of them.
+
+    Dampings are tried at some factors beside, for they take what a lag leaves; what is found of them is not kept.
+    """
+    valves = coordinates_of(arm.parameters)
+    if not valves:
+        return arm
+    dampings = resolve(arm.parameters, [f"section.{k + 1}.damping" for k in range(arm.section_count)])
+    free = (*valves, *dampings)
+    model = Model(arm.parameters, free, tuple(records), Integration(threads=threads))
+    points = []
+    for late, lag, factor in product(DELAYS, LAGS, DAMPINGS):
+        values = [factor * c.start if c in dampings else late if number_of(c) == "time" else lag for c in free]
+        points.append(np.array([c.coordinate(value) for c, value in zip(free, values, strict=True)]))
+    best = min(trials(model, points, whole=True), key=lambda trial: trial.merit)
+    return arm.with_parameters(apply(arm.parameters, valves, best.z[: len(valves)])) if np.isfinite(best.merit) else arm
+
+
+def without_valves(model: Model) -> Model:
+    """The plain model of an arm whose logs hold the pressures that :func:`through` gives."""
+    left = [effect for effect in model.parameters.effects if not _stands_for_valves(effect)]
+    plain = tuple(c for c in model.plain if not is_of_valves(c))
+    return replace(model, parameters=Arm(model.parameters).with_effects(left).parameters, plain=plain)
+
+
+def through(parameters: ArmParameters, record: Record) -> Record:
+    """The record driven by what an arm's lag and dead time make of its commands, at its samples.
+
+    For stretches of a log, which know nothing of the commands before they begin.
+    """
+    inputs = tuple(range(record.drive.pressures.shape[1]))
+    for effect in parameters.effects:
+        if _stands_for_valves(effect):
+            probe = PressureProbe(effect.kind, inputs, effect.parameters)
+            acting = acting_pressures(record, [probe], parameters.ambient_pressure)[0]
+            record = replace(record, drive=record.driven_by(acting))
+    return record
+
+
+def found_valves(model: Model, x: Array, uncertainty: Sequence[tuple[float, float]]) -> list[Effect]:
+    """What lies between command and chamber as effects with their numbers: those that are clearly there.
+
+    Args:
+        model: the model.
+        x: its coordinates.
+        uncertainty: 95 % interval of each of them.
+    """
+    numbers: dict[str, dict[str, Number]] = {LAG: {}, DELAY: {}}
+    kinds = {name: key for key, name in NUMBERS.items()}
+    for k, own in enumerate(model.plain):
+        if own.name in kinds:
+            kind, number = kinds[own.name]
+            value = own.value(float(x[k]))
+            numbers[kind][number] = Number(
+                value=value, unit="s", ci95=uncertainty[k], at_bound=own.at_bound(float(x[k]))
+            )
+    there = {kind: any(_is_there(n) for n in own.values()) for kind, own in numbers.items()}
+    return [
+        Effect(kind=kind, where="all", parameters=own, confidence=1.0, plain=True)
+        for kind, own in numbers.items()
+        if there[kind]
+    ]
+
+
+def _is_there(number: Number) -> bool:
+    """Whether a time is more than none."""
+    assert number.ci95 is not None
+    return not number.at_bound and number.value > SHORTEST and number.ci95[0] > 0.5 * SHORTEST
+
+
+def _stands_for_valves(effect: EffectParameters) -> bool:
+    return effect.where == "all" and effect.kind in (LAG, DELAY)
+
+
+def _paths(parameters: ArmParameters) -> list[tuple[str, str, str]]:
+    """Path, kind and number of each time that is free."""
+    found = []
+    if parameters.pneumatics is not None and parameters.pneumatics.level == "lag":
+        known = _published(parameters.pneumatics.provenance)
+        found += [
+            (p, LAG, n) for p, n in zip(PATHS, ("fill", "vent"), strict=True) if p.rpartition(".")[2] not in known
+        ]
+    seen = {LAG} if found else set()
+    for k, effect in enumerate(parameters.effects, start=1):
+        if not _stands_for_valves(effect) or effect.kind in seen:
+            continue
+        seen.add(effect.kind)
+        known = _published(effect.provenance)
+        found += [
+            (f"effect.{k}.{number}", kind, number)
+            for kind, number in NUMBERS
+            if kind == effect.kind and number not in known
+        ]
+    return found
+
+
+def _published(provenance: ProvenanceTable) -> set[str]:
+    return {name for name, entry in provenance.items() if entry.status == "published"}
