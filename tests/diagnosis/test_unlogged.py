@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from bha.diagnosis.decide import Decision
-from bha.diagnosis.unlogged import CELL, Unlogged, periodic_share, predicted_share
+from bha.diagnosis.follows import Follows, follows, pieces_of
+from bha.diagnosis.logged import CELL, Cells, mode_response
+from bha.diagnosis.unlogged import Unlogged, periodic_share
 
 Array = NDArray[np.float64]
 
@@ -26,30 +29,52 @@ def about_mean(table: Array) -> Array:
     return np.asarray(table - table.mean(axis=0))
 
 
-@pytest.mark.parametrize("time", [0.3, 1.0])
-def test_noise_with_a_memory_follows_nothing_however_many_regressors_there_are(time: float) -> None:
-    found = []
-    for seed in range(20):
-        random = np.random.default_rng(seed)
-        tables = [
-            (about_mean(wandering(random, 200, 6, time)), about_mean(wandering(random, 200, 80, 1.0))) for _ in range(2)
-        ]
-        found.append(predicted_share(tables) or 0.0)
-    assert np.mean(np.array(found) < 0.1) >= 0.9
+def logs(random: np.random.Generator, time: float, size: float, *, together: bool = False) -> list[Cells]:
+    """Two logs of errors with a memory, and ``size`` of the fast regressors of one of two banks in them."""
+    made = []
+    for _ in range(2):
+        fast, slow = wandering(random, 200, 40, 0.3), wandering(random, 200, 40, 1.0)
+        errors = wandering(random, 200, 1 if together else 6, time) * np.ones(6)
+        errors = errors + size * fast[:, :6]
+        made.append(Cells(about_mean(errors), {"fast": about_mean(fast), "slow": about_mean(slow)}, CELL))
+    return made
 
 
-def test_what_depends_on_a_regressor_is_found_below_a_disturbance() -> None:
-    for seed in range(10):
-        random = np.random.default_rng(seed)
-        tables = []
-        for _ in range(2):
-            regressors = about_mean(wandering(random, 200, 80, 1.0))
-            # As much as a gap of 1.2 times the disturbance leaves.
-            errors = wandering(random, 200, 6, 1.0) + 0.66 * regressors[:, :6]
-            tables.append((about_mean(errors), regressors))
-        share = predicted_share(tables)
-        assert share is not None
-        assert share > 0.1
+@pytest.mark.parametrize(("time", "together"), [(0.3, False), (3.0, True)])
+def test_noise_with_a_memory_follows_nothing(time: float, together: bool) -> None:
+    found = [follows(logs(np.random.default_rng(seed), time, 0.0, together=together), seed) for seed in range(8)]
+    assert all(own is not None and (own.chance > 0.01 or own.share < 0.05) for own in found)
+
+
+def test_a_twentieth_of_a_slow_disturbance_that_follows_what_was_logged_is_found() -> None:
+    for seed in range(4):
+        found = follows(logs(np.random.default_rng(seed), 3.0, 0.23), seed)
+        assert found is not None
+        assert found.bank == "fast"
+        assert found.chance <= 0.01
+        assert found.share >= 0.05
+
+
+def test_pieces_are_of_one_log_each_and_about_equal() -> None:
+    pieces = pieces_of([100, 300])
+    assert pieces[99] < pieces[100]
+    assert np.bincount(pieces).tolist() == [50] * 8
+
+
+@pytest.mark.parametrize("mode", [-2.0 + 0.0j, -0.8 + 9.0j])
+def test_a_mode_answers_to_straight_lines_as_its_differential_equation_does(mode: complex) -> None:
+    random = np.random.default_rng(1)
+    values = random.standard_normal((40, 1))
+    grid = CELL * np.arange(40)
+
+    def slope(time: float, z: Array) -> Array:
+        return mode * z + np.interp(time, grid, values[:, 0] - values[0, 0])
+
+    exact = solve_ivp(slope, (0.0, grid[-1]), [0.0j], t_eval=grid, rtol=1e-9, atol=1e-12, max_step=CELL / 4).y[0]
+    found = mode_response(mode, CELL, values)
+    assert found[:, 0] == pytest.approx(abs(mode) * exact.real, abs=1e-6)
+    if mode.imag:
+        assert found[:, 1] == pytest.approx(abs(mode) * exact.imag, abs=1e-6)
 
 
 def test_a_sine_keeps_its_phase_and_ringing_does_not() -> None:
@@ -71,26 +96,42 @@ def test_a_sine_keeps_its_phase_and_ringing_does_not() -> None:
     assert periodic_share(ringing) < 0.3
 
 
-def test_a_log_far_beside_the_others_is_no_disturbance() -> None:
-    given = Decision("unexplained", "the search's own", 0.0)
-    assert Unlogged(0.0, 0.0, 1.0, 8.0, 2e-3).judge(given, 5e-4) is given
+def judged(decision: Decision, **changes: float) -> Decision:
+    """The decision on errors that follow nothing, but for some changes."""
+    values = {"share": 0.02, "chance": 0.3, "explained": 0.0, "by_chance": 0.5, "periodic": 0.1, "grown": 1.1} | changes
+    own = Unlogged(
+        logged=Follows(values["share"], values["chance"], "past"),
+        explained=values["explained"],
+        chance=values["by_chance"],
+        periodic=values["periodic"],
+        grown=values["grown"],
+        offset=values.get("offset", 1.0),
+        rms=2e-3,
+    )
+    return own.judge(decision, 5e-4)
 
 
 @pytest.mark.parametrize(
-    ("predicted", "periodic", "grown", "verdict", "closure", "expected"),
+    ("changes", "expected"),
     [
-        (0.02, 0.1, 1.1, "unexplained", 0.0, "equivalent"),
-        (0.3, 0.1, 1.1, "unexplained", 0.0, "unexplained"),  # it follows what was logged
-        (0.02, 0.5, 1.1, "unexplained", 0.0, "unexplained"),  # a periodic force
-        (0.02, 0.1, 3.0, "unexplained", 0.0, "unexplained"),  # the fit knew more of its own logs
-        (0.02, 0.1, 1.1, "unexplained", 0.4, "unexplained"),  # effects remove a part of it
-        (0.02, 0.1, 1.1, "named", 0.9, "named"),
+        ({}, "equivalent"),
+        ({"share": 0.3, "chance": 0.003}, "unexplained"),  # it follows what was logged
+        ({"share": 0.1}, "equivalent"),  # as chance does
+        ({"share": 0.3}, "unexplained"),  # as chance may do, where errors are too few to tell
+        ({"share": 0.03, "chance": 0.003}, "equivalent"),  # no plain model is quite right
+        ({"explained": 0.2, "by_chance": 0.005}, "unexplained"),  # a candidate explains a part of it
+        ({"periodic": 0.5}, "unexplained"),  # a periodic force
+        ({"grown": 3.0}, "unexplained"),  # the fit knew more of its own logs
+        ({"offset": 8.0}, "unexplained"),  # a log far beside the others
     ],
 )
-def test_what_follows_nothing_is_no_gap_of_the_model(
-    predicted: float, periodic: float, grown: float, verdict: str, closure: float, expected: str
-) -> None:
-    given = Decision(verdict, "the search's own", closure)
-    made = Unlogged(predicted, periodic, grown, 1.0, 2e-3).judge(given, 5e-4)
+def test_what_follows_nothing_is_no_gap_of_the_model(changes: dict[str, float], expected: str) -> None:
+    made = judged(Decision("unexplained", "the search's own", 0.0), **changes)
     assert made.verdict == expected
     assert ("unlogged forces or pressures" in made.reason) == (expected == "equivalent")
+
+
+@pytest.mark.parametrize(("verdict", "closure"), [("named", 0.9), ("unexplained", 0.4), ("equivalent", 0.0)])
+def test_what_effects_remove_is_the_search_s_own(verdict: str, closure: float) -> None:
+    given = Decision(verdict, "the search's own", closure)
+    assert judged(given) is given

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bha import _core
-from bha.arm.derivatives import Derivatives, differentiator
+from bha.arm.derivatives import Derivatives, differentiator, linearized
 from bha.arm.wrench import Wrench
 from bha.arrays import floats
 from bha.errors import InputError
@@ -198,7 +198,7 @@ class Arm(_core.Arm):
         Raises:
             InputError: an array of the wrong shape or with a value that is not finite.
         """
-        return _core.linearize(self, q, qd, p, period)
+        return linearized(self, q, qd, p, period)
 
     def __getstate__(self) -> object:
         """What a subclass has added: its attributes and slots, or None. The arm itself is its parameters."""

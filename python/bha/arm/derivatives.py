@@ -27,6 +27,17 @@ _ONE_SIDED = (
 )
 
 
+def linearized(
+    arm: _core.Arm, q: ArrayLike, qd: ArrayLike, p: ArrayLike, period: float | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """As :meth:`bha.Arm.linearize`, of an arm of the core, which has no parameters of its own.
+
+    Raises:
+        InputError: an array of the wrong shape or with a value that is not finite.
+    """
+    return _core.linearize(arm, q, qd, p, period)
+
+
 class Derivatives(NamedTuple):
     """Forward dynamics and its derivatives at one state; n sections, m inputs.
 

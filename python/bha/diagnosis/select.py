@@ -167,9 +167,9 @@ def _forward(
     worth = rules.worth * max(0.0, state.plain.fit.squares - problem.rows)
     for number in range(rules.most):
         current = state.best
-        screening = score(problem, current.fit, signatures)
-        if state.screening is None:
-            state.screening = screening
+        known = state.screening if number == 0 else None
+        screening = known or score(problem, current.fit, signatures)
+        state.screening = state.screening or screening
         correlation = correlation_length(problem, current.fit.residual)
         count = rules.tried[0] if number == 0 else rules.tried[1]
         taken = [c.key for c in current.candidates]

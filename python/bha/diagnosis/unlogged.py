@@ -2,10 +2,10 @@
 
 What: an arm in a laboratory is pushed by hoses, hands, a sagging supply, all of them without a column. What that leaves
 is no gap of the model, however large it is beside the noise of the sensors: no equation in what was logged explains it.
-Asked is what a ridge regression of the errors on all that was logged and its past predicts on stretches that it was not
-fitted to: simulated outputs, their rates, sizes and signs of rates and squares of outputs behind lags, the product of
-outputs with time, pressures and their squares behind lags and oscillators. Physics that the model lacks is a function
-of these; an unlogged force or pressure is not.
+Two tests ask, each by what chance brings: what regressors made of all that was logged predict of the errors on pieces
+of time apart (:mod:`bha.diagnosis.follows`), on all logs; and what the candidates of the catalogue explain of the
+training logs' residual through the arm's own model (:mod:`bha.diagnosis.screen`).
+Physics that the model lacks is a function of what was logged; an unlogged force or pressure is not.
 Validity: disturbances that are as large on the logs of the fit as on those held out. Offsets between logs are taken out
 of both. A periodic force follows time: one sine a log is asked as well what it predicts of the other pieces of the log.
 Noise that lets an arm ring loses its phase from piece to piece.
@@ -19,33 +19,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.checkup.response import Filter
 from bha.diagnosis.decide import Decision
 from bha.diagnosis.fit import Fit, Problem
+from bha.diagnosis.follows import Follows, follows
 from bha.diagnosis.holdout import Holdout, Prediction
+from bha.diagnosis.logged import cells_of, modes_of
+from bha.diagnosis.screen import Screening
 from bha.estimation.records import Record
-from bha.estimation.slow import cell_means, lag_response
 
 Array = NDArray[np.float64]
 
 #: Logs that last less than this together, s, tell nothing.
 LEAST_TIME = 30.0
-#: Length of a cell over which errors and what was logged are averaged, s.
-CELL = 0.125
-#: Lags of pressures, s.
-LAGS = (0.0, 0.15, 0.6, 2.5)
-#: Oscillators that pressures go through, for arms that ring: frequencies, Hz, and share of critical damping.
-RESONANCES, DAMPING = (0.5, 1.0, 2.0, 3.5), 0.15
-#: Pieces of time into which all logs are cut, each predicted from the others but for so many cells beside it: errors
-#: with a memory and slow regressors would be interpolated, not predicted.
-PIECES, BESIDE = 8, 20
-#: Weights of the ridge, in rows; the best one counts.
-WEIGHTS = tuple(np.geomspace(1e-3, 1e2, 11))
 #: Pieces of a log for the sine.
 QUARTERS = 4
-#: Share of the errors' square that what was logged predicts at most, that a sine does, and held-out over training RMS
-#: error, where nothing is missing; and the mean error of a log over the rest of its errors.
-MOST_PREDICTED, MOST_PERIODIC, MOST_GROWN, MOST_OFFSET = 0.1, 0.35, 1.5, 3.0
+#: Errors follow something where chance does as much with at most this p, and where it is at least this share of their
+#: square: a plain model of a real arm is never quite right. A share above ``OPEN`` that chance may bring is no sign of
+#: either: errors of few independent numbers tell nothing.
+CHANCE, SHARE, OPEN = 0.01, 0.05, 0.15
+#: Share of the errors' square that a sine predicts at most where nothing is missing, share of the excess that the best
+#: effects remove, held-out over training RMS error, and the mean error of a log over the rest of its errors.
+MOST_PERIODIC, MOST_REMOVED, MOST_GROWN, MOST_OFFSET = 0.35, 0.1, 1.5, 3.0
 
 
 @dataclass(frozen=True)
@@ -53,24 +47,36 @@ class Unlogged:
     """What errors follow.
 
     Attributes:
-        predicted: share of their square, about the mean of each log, that what was logged predicts.
-        periodic: the same of one frequency.
+        logged: what they follow of what was logged.
+        explained: share of the training residual's square that the best candidate explains beyond what the best one
+            does of 95 % of residuals that have no cause.
+        chance: how often such residuals have one that explains as much: p-value.
+        periodic: share of their square that one frequency predicts.
         grown: RMS error about the mean of each log on those held out, over that on those of the fit.
         offset: RMS mean error of the held-out logs over the rest.
         rms: RMS error on the held-out logs about the mean of each, m.
     """
 
-    predicted: float
+    logged: Follows
+    explained: float
+    chance: float
     periodic: float
     grown: float
     offset: float
     rms: float
 
     @property
+    def follows_something(self) -> bool:
+        """Whether the errors follow what was logged, or time."""
+        told = self.logged.chance <= CHANCE and self.logged.share >= SHARE
+        candidate = self.chance <= CHANCE and self.explained >= SHARE
+        return told or candidate or self.periodic >= MOST_PERIODIC
+
+    @property
     def is_a_disturbance(self) -> bool:
-        """Whether errors follow nothing that was logged and are the same in all logs."""
-        told = self.predicted >= MOST_PREDICTED or self.periodic >= MOST_PERIODIC
-        return not told and self.grown < MOST_GROWN and self.offset < MOST_OFFSET
+        """Whether errors follow nothing that was logged, as far as they can tell, and are the same in all logs."""
+        alike = self.grown < MOST_GROWN and self.offset < MOST_OFFSET
+        return alike and not self.follows_something and self.logged.share < OPEN
 
     def judge(self, decision: Decision, noise: float) -> Decision:
         """The decision; ``equivalent`` where what is unexplained is a disturbance.
@@ -81,18 +87,26 @@ class Unlogged:
             decision: on the search.
             noise: RMS error of a right model on the held-out logs, m.
         """
-        if decision.verdict != "unexplained" or decision.closure >= MOST_PREDICTED or not self.is_a_disturbance:
+        if decision.verdict != "unexplained" or decision.closure >= MOST_REMOVED or not self.is_a_disturbance:
             return decision
         text = (
-            f"the re-identified plain model leaves {1e3 * self.rms:.2g} mm, {self.rms / noise:.1f} times what noise "
-            "alone makes, and that follows nothing that was logged: pressures, pose, rates and their past predict "
-            f"{100 * self.predicted:.0f} % of it on stretches apart, and it is {self.grown:.2f} times as large on "
-            "held-out logs as on those of the fit; it is what unlogged forces or pressures do"
+            f"the re-identified plain model leaves {1e3 * self.rms:.2g} mm, {self.rms / noise:.1f} times what the "
+            "noise of the sensors makes, and that follows nothing that was logged: pressures, pose, rates, their past "
+            f"and time predict {100 * self.logged.share:.0f} % of it on stretches apart (p = {self.logged.chance:.2g}),"
+            f" no candidate explains more of it than chance does (p = {self.chance:.2g}), and it is {self.grown:.2f} "
+            "times as large on held-out logs as on those of the fit; it is what unlogged forces or pressures do"
         )
         return Decision("equivalent", text, decision.closure)
 
 
-def unlogged(problem: Problem, fit: Fit, holdout: Holdout, prediction: Prediction) -> Unlogged | None:
+def unlogged(
+    problem: Problem,
+    fit: Fit,
+    holdout: Holdout,
+    prediction: Prediction,
+    screening: Screening,
+    seed: int = 0,
+) -> Unlogged | None:
     """What the errors of a model follow; None where it runs away, or too little was logged to say."""
     if sum(record.duration for record in (*problem.records, *holdout.problem.records)) < LEAST_TIME:
         return None
@@ -101,16 +115,26 @@ def unlogged(problem: Problem, fit: Fit, holdout: Holdout, prediction: Predictio
     if not all(np.all(np.isfinite(y)) for _, y in (*logs, *held)):
         return None
     before, after = (_scatter(part) for part in (logs, held))
-    tables = [table for record, y in (*logs, *held) if (table := _table(record, y)) is not None]
-    share = predicted_share([(errors, regressors) for errors, regressors, _ in tables])
-    if share is None or before <= 0.0:
+    modes = modes_of(fit)
+    cells = [own for record, y in (*logs, *held) if (own := cells_of(record, y, modes)) is not None]
+    logged = follows(cells, seed)
+    if logged is None or before <= 0.0:
         return None
-    periodic = periodic_share([(errors, step) for errors, _, step in tables])
+    periodic = periodic_share([(own.errors, own.step) for own in cells])
     means = [
         np.mean((r.measured - y)[r.usable[:, c], c]) for r, y in held for c in range(y.shape[1]) if r.usable[:, c].any()
     ]
     offset = float(np.sqrt(np.mean(np.square(means)))) / max(after, 1e-12)
-    return Unlogged(share, periodic, after / before, offset, after)
+    best = screening.ranking[0] if screening.ranking else None
+    return Unlogged(
+        logged,
+        0.0 if best is None else best.share - float(np.quantile(screening.by_chance, 0.95)),
+        1.0 if best is None else screening.chance(best.score),
+        periodic,
+        after / before,
+        offset,
+        after,
+    )
 
 
 def _scatter(part: Sequence[tuple[Record, Array]]) -> float:
@@ -122,41 +146,6 @@ def _scatter(part: Sequence[tuple[Record, Array]]) -> float:
         if record.usable[:, c].any()
     ]
     return float(np.sqrt(np.mean(squares))) if squares else 0.0
-
-
-def predicted_share(tables: Sequence[tuple[Array, Array]]) -> float | None:
-    """Share of the errors' square that regressors predict on pieces of time that took no part in their fit.
-
-    Args:
-        tables: errors (g, C) and regressors (g, F) of each log, on even grids, each about its mean in the log.
-    """
-    rows = sum(len(errors) for errors, _ in tables)
-    if rows < 4 * PIECES:
-        return None
-    errors, regressors = (np.concatenate([table[k] for table in tables]) for k in (0, 1))
-    pieces: list[int] = []
-    for own, _ in tables:
-        count = max(1, round(PIECES * len(own) / rows))
-        start = pieces[-1] + 1 if pieces else 0
-        pieces += [start + min(count - 1, k * count // len(own)) for k in range(len(own))]
-    piece = np.array(pieces)
-    size = np.sqrt(np.mean(regressors**2, axis=0))
-    scaled = regressors[:, size > 0.0] / size[size > 0.0]
-    total = float(np.sum(errors**2))
-    if total <= 0.0 or not scaled.size or piece[-1] == 0:
-        return None
-    left = np.zeros(len(WEIGHTS))
-    for k in range(piece[-1] + 1):
-        out = piece == k
-        apart = ~np.convolve(out, np.ones(2 * BESIDE + 1), "same").astype(bool)
-        if apart.sum() < PIECES:
-            return None
-        u, s, vt = np.linalg.svd(scaled[apart], full_matrices=False)
-        along = u.T @ errors[apart]
-        seen = scaled[out] @ vt.T
-        for w, weight in enumerate(WEIGHTS):
-            left[w] += float(np.sum((errors[out] - seen @ (along * (s / (s**2 + weight * len(u)))[:, None])) ** 2))
-    return max(0.0, 1.0 - float(left.min()) / total)
 
 
 def periodic_share(tables: Sequence[tuple[Array, float]]) -> float:
@@ -184,38 +173,3 @@ def periodic_share(tables: Sequence[tuple[Array, float]]) -> float:
             left += float(np.sum((errors[out] - wave[out] @ told) ** 2))
         total += float(np.sum(errors**2))
     return max(0.0, 1.0 - left / total) if total > 0.0 else 0.0
-
-
-def _table(record: Record, outputs: Array) -> tuple[Array, Array, float] | None:
-    """Errors and regressors of a log in cells, each about its mean, and the cells' length, s; None for a few cells."""
-    time = record.time
-    count = int((time[-1] - time[0]) / max(CELL, 2.0 * record.sample_time))
-    if count < 16:
-        return None
-    step = float(time[-1] - time[0]) / count
-    errors = cell_means(time, np.where(record.usable, record.measured - outputs, np.nan), step, count)
-    y = cell_means(time, outputs, step, count)
-    y = (y - y.mean(axis=0)) / np.maximum(y.std(axis=0), 1e-12)
-    p = cell_means(time, record.drive.pressures[record.rows], step, count)
-    p = (p - p.mean(axis=0)) / np.maximum(p.std(axis=0), 1.0)
-    rates = np.gradient(y, step, axis=0)
-    signs = np.tanh(rates / np.maximum(0.3 * rates.std(axis=0), 1e-12))
-    passed = np.linspace(-1.0, 1.0, count)[:, None]
-    bent = np.column_stack([y**2, signs, np.abs(rates)])
-    forces = [lag_response(lag, step, bent) for lag in LAGS[:3]]
-    lagged = [lag_response(lag, step, values) for lag in LAGS for values in (p, p**2)]
-    ringing = [_oscillator(frequency, step, p) for frequency in RESONANCES]
-    regressors = np.nan_to_num(np.column_stack([y, rates, passed, passed * y, *forces, *lagged, *ringing]))
-    good: NDArray[np.bool_] = np.all(np.isfinite(errors), axis=1)
-    if good.sum() < 16:
-        return None
-    errors = np.where(good[:, None], errors - errors[good].mean(axis=0), 0.0)
-    return errors, np.where(good[:, None], regressors - regressors[good].mean(axis=0), 0.0), step
-
-
-def _oscillator(frequency: float, step: float, values: Array) -> Array:
-    """What follows ``values`` (g, J) on an even grid through a damped oscillator of static gain one."""
-    size = 2 * len(values)
-    s = np.asarray(2j * np.pi * np.fft.rfftfreq(size, step), dtype=np.complex128)
-    gain = Filter(0.0, frequency, DAMPING).gain(s)
-    return np.asarray(np.fft.irfft(np.fft.rfft(values, size, axis=0) * gain[:, None], size, axis=0)[: len(values)])

@@ -43,7 +43,7 @@ from bha.diagnosis.result import Diagnosis
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.select import Rules, Search, search
 from bha.diagnosis.smoothing import smoothed
-from bha.diagnosis.unlogged import unlogged
+from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.where import locate
 from bha.errors import InputError
 from bha.estimation.engine import Model
@@ -182,12 +182,16 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     ranges = core_ranges()
     plans = [p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
+    beside: Unlogged | None = None
     try:
         signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)
-        if gap.significant and np.isfinite(gap.mean_square):
+        state.screening = score(problem, plain_fit, signatures)
+        wanted = gap.significant and np.isfinite(gap.mean_square)
+        beside = unlogged(problem, plain_fit, holdout, prediction, state.screening, seed) if wanted else None
+        if wanted and not (beside is not None and beside.is_a_disturbance):
             search(problem, holdout, signatures, ranges, rules, say, state)
         else:
-            state.screening = score(problem, plain_fit, signatures)
+            # No gap, or one that follows nothing that was logged: there is nothing to be refitted.
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
@@ -200,9 +204,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         if np.isfinite(end):
             state.notes.append(f"{record.name}: compared up to {end:.1f} s; after that a model runs away")
     decision = decide(state, gap, noise_rms, limits, tolerance)
-    if decision.verdict == "unexplained" and state.complete and np.isfinite(gap.mean_square):
-        beside = unlogged(problem, plain_fit, holdout, prediction)
-        decision = decision if beside is None else beside.judge(decision, noise_rms)
+    if beside is not None and state.complete:
+        decision = beside.judge(decision, noise_rms)
     verdict = without_faults(decision, faults)
     errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
