@@ -7,10 +7,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+import bha
 from bha.diagnosis.decide import Decision
 from bha.diagnosis.follows import Follows, follows, pieces_of
 from bha.diagnosis.logged import CELL, Cells, mode_response
 from bha.diagnosis.unlogged import Unlogged, periodic_share
+
+from .synthetic import SAMPLE_TIME, one_section, pressures, simulated
 
 Array = NDArray[np.float64]
 
@@ -42,7 +45,7 @@ def logs(random: np.random.Generator, time: float, size: float, *, together: boo
 
 @pytest.mark.parametrize(("time", "together"), [(0.3, False), (3.0, True)])
 def test_noise_with_a_memory_follows_nothing(time: float, together: bool) -> None:
-    found = [follows(logs(np.random.default_rng(seed), time, 0.0, together=together), seed) for seed in range(8)]
+    found = [follows(logs(np.random.default_rng(seed), time, 0.0, together=together), seed) for seed in range(4)]
     assert all(own is not None and (own.chance > 0.01 or own.share < 0.05) for own in found)
 
 
@@ -94,6 +97,40 @@ def test_a_sine_keeps_its_phase_and_ringing_does_not() -> None:
             made.append(y.copy())
         ringing.append((about_mean(np.array(made)), CELL))
     assert periodic_share(ringing) < 0.3
+
+
+def pushed_logs(arm: bha.Arm, size: float, seconds: float) -> list[bha.Log]:
+    """Logs of an arm in whose chambers an Ornstein-Uhlenbeck pressure (Pa, s) acts that they do not hold."""
+    made = []
+    for number, duration in enumerate((14.0, 10.0, 10.0)):
+        random = np.random.default_rng([8, number])
+        time = np.arange(round(duration / SAMPLE_TIME) + 1) * SAMPLE_TIME
+        known = pressures(time, "multisine" if number % 2 else "steps", random)
+        every = round(CELL / SAMPLE_TIME)
+        coarse = size * wandering(random, len(time) // every + 2, 3, seconds)
+        hidden = np.column_stack([np.interp(time, CELL * np.arange(len(coarse)), p) for p in coarse.T])
+        lengths = simulated(arm, time, known + hidden, []) + 2e-4 * random.standard_normal((len(time), 3))
+        columns = {"t [s]": time}
+        columns |= {f"{name} [Pa]": known[:, k] for k, name in enumerate(arm.inputs)}
+        columns |= {f"q1{k + 1} [m]": lengths[:, k] for k in range(3)}
+        made.append(bha.Log.from_arrays(columns))
+    return made
+
+
+def test_an_arm_pushed_by_an_unlogged_pressure_is_equivalent_and_its_size_is_said() -> None:
+    logs = pushed_logs(one_section(), 1200.0, 0.6)
+    start = one_section({"mass": 0.93, "stiffness": 1.1, "damping": 1.12})
+    found = bha.diagnose(start, logs[:2], logs[2:], kinds=("creep", "weak_bellows", "pressure_lag"))
+    assert found.gap.significant
+    assert found.gap.before > 2.0 * found.gap.noise
+    assert (found.verdict, found.disturbed) == ("equivalent", True)
+    force = found.residual_force
+    assert force is not None
+    assert force.table is None
+    area = one_section().parameters.sections[0].terminal_area
+    assert [line.rms / area for line in force.along] == pytest.approx([1200.0] * 3, rel=0.35)
+    assert 0.3 < force.correlation_time < 1.2
+    assert "something not logged pushed" in force.reason
 
 
 def judged(decision: Decision, **changes: float) -> Decision:

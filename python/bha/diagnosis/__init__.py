@@ -146,7 +146,7 @@ def diagnose(
         experiment = None if proposal is None else written.experiment_of(proposal, folder)
         update = {"made": made, "setup": setup, "next_experiment": experiment}
         force: Unexplained | None = None
-        if outcome.diagnosis.verdict == "unexplained":
+        if outcome.diagnosis.verdict == "unexplained" or outcome.diagnosis.disturbed:
             if progress is not None:
                 progress("estimating the residual force", None)
             force = force_summary.unexplained(outcome, diagnosed)

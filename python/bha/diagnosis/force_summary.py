@@ -1,5 +1,7 @@
 """The residual force of a diagnosis that explains nothing: estimated, followed, certified on held-out logs, written.
 
+Of a disturbance, which follows nothing that was logged, it is the size and the time, and no table is made of it.
+
 The force is that beside the re-identified plain model, along training and held-out logs. What it follows is sought on
 the training logs alone; a table of it is kept only if a simulation of the held-out logs from their beginning, open
 loop, comes nearer to the measurement with it than without it.
@@ -79,6 +81,9 @@ def _unexplained(outcome: Investigation, arm: Arm) -> Unexplained:
     if isinstance(force, str):
         return Unexplained(ResidualForceFound(reason=f"no residual force: {force}"))
     along = _along(force)
+    if outcome.diagnosis.disturbed:
+        text = _disturbance_in_words(along, force)
+        return Unexplained(ResidualForceFound(reason=text, along=along, correlation_time=force.correlation_time), force)
     hidden = hidden_of(along)
     if len(hidden) == len(along):
         text = "no residual force: these readings do not tell it; more sensors, or all lengths, would"
@@ -141,6 +146,22 @@ def _in_words(along: Sequence[ForceAlong], force: ResidualForce, hidden: Sequenc
     if hidden:
         text += f"; these readings do not tell it along {', '.join(line.where for line in hidden)}"
     return text
+
+
+def _disturbance_in_words(along: Sequence[ForceAlong], force: ResidualForce) -> str:
+    """Size and time of a force that follows nothing, and the pressure that would make as much of it.
+
+    The sizes are those that make the readings likeliest, and told where the force at any one time is not.
+    """
+    greatest = int(np.argmax(force.sizes))
+    section = force.arm.parameters.sections[greatest // 3]
+    areas = [bellows.terminal_area for bellows in section.resolved_bellows(greatest // 3 + 1)]
+    size = float(force.sizes[greatest])
+    return (
+        f"something not logged pushed with {size:.2g} N RMS along {along[greatest].where}, the most of all, as "
+        f"a pressure there does that is off by {size / float(np.mean(areas)):.2g} Pa, and changed within "
+        f"{force.correlation_time:.2g} s"
+    )
 
 
 def _certified(

@@ -233,7 +233,7 @@ class CarriedTable(Table):
 
 
 class ResidualForceFound(Table):
-    """What would have to act beside the plain model: of the verdict ``unexplained``.
+    """What would have to act beside the plain model: of the verdict ``unexplained``, and of a disturbance.
 
     Attributes:
         reason: in a sentence what it is like; or why there is none.
@@ -296,7 +296,10 @@ class Diagnosis(Table):
         complete: whether the search came to its end; false after Ctrl-C.
         seconds: time it took, s.
         next_experiment: pressures that would split the class, of the verdict ``one_of``.
-        residual_force: of the verdict ``unexplained`` the force that would have to act beside the model.
+        residual_force: of the verdict ``unexplained``, or of a disturbance, the force that would have to act beside the
+            model.
+        disturbed: whether the plain model is ``equivalent`` because its errors, greater than the noise of the sensors,
+            follow nothing that was logged.
         made: when and how it was made; None in files of earlier versions.
         schema_name: version of this schema.
     """
@@ -317,6 +320,7 @@ class Diagnosis(Table):
     seconds: Finite = 0.0
     next_experiment: NextExperiment | None = None
     residual_force: ResidualForceFound | None = None
+    disturbed: bool = False
     made: Made | None = None
 
     @property

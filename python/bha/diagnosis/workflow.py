@@ -232,7 +232,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         tolerance,
     )
     setup = [*(fault.in_a_line() for fault in faults), *plain.said, *diagnosis.setup]
-    diagnosis = diagnosis.model_copy(update={"setup": setup})
+    disturbed = gap.significant and verdict.verdict == "equivalent"
+    diagnosis = diagnosis.model_copy(update={"setup": setup, "disturbed": disturbed})
     if state.complete:
         cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
