@@ -81,7 +81,7 @@ def test_coloured_noise_is_told_from_white(share: float, time: float) -> None:
     truth = bands.SensorNoise(1.0, share, time)
     # Averages over some hundred coefficients each.
     spectra = truth.density(frequency, 5e-3) * rng.chisquare(400, len(frequency)) / 400
-    found = bands.sensor_noise(spectra, 400.0 * len(frequency), frequency, 5e-3, 1.0)
+    found = bands.sensor_noise(spectra, np.full(len(frequency), 400.0), frequency, 5e-3, 1.0)
     if share == 0.0:
         assert found.share == 0.0
     else:

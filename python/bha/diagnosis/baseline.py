@@ -13,24 +13,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
-from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve, problem_of, weighted, whole_logs, with_sensitivities
 from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera
+from bha.diagnosis.noises import Bound, bound_of, disturbed_outputs, mean_white_square, sensors_of
 from bha.diagnosis.preparation import cut_to, thin
-from bha.diagnosis.smoothing import filtered
 from bha.diagnosis.valves import is_of_valves, through, without_valves
 from bha.errors import ConvergenceError, InputError
 from bha.estimation.bands import (
-    QUIET_FREQUENCY,
     TOP_FREQUENCY,
     NoiseModel,
-    SensorNoise,
-    frequencies,
     noise_model,
-    sensor_noise,
 )
 from bha.estimation.engine import Model, root_mean_square
 from bha.estimation.integration import (
@@ -45,7 +39,6 @@ from bha.estimation.integration import (
 )
 from bha.estimation.records import Record, Window, windows
 from bha.estimation.runs import Integration
-from bha.estimation.steady import steady_noise
 from bha.recordings.pose import tells_state
 from bha.runs.options import Method
 
@@ -64,8 +57,8 @@ STEP_SHARES = (1.0, 0.5, 0.25)
 STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
 #: Error over noise of a plain fit with a free camera from which the fit is tried from the file's camera too.
 CAMERA_MISFIT = 2.0
-#: Draws of pressure noise per log for the noise model.
-DRAWS = 3
+#: Rounds of noise and fit at the most, and share of the bound of before from which another is not worth it.
+NOISE_ROUNDS, SAME_NOISE = 2, 0.8
 #: Greatest step of a plain parameter, in plausible distances: a file may be far off.
 FAR = 3.0
 
@@ -162,90 +155,6 @@ def pieces(records: Sequence[Record], sections: int) -> list[Window] | None:
         return None
 
 
-def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]]:
-    """What draws of pressure noise do to the outputs of each log."""
-    rng = np.random.default_rng([seed, 71])
-    records, runs = problem.records, []
-    for run in fit.model.on(problem.records).runs(fit.x, fit.states):
-        record = run.record
-        if not record.has_unsure_pressures:
-            continue
-        for _ in range(DRAWS):
-            noise = record.pressure_errors(rng)
-            if record.pressure_taps is not None:
-                noise = filtered(noise, record.pressure_taps)
-            runs.append(replace(run, drive=record.driven_by(record.drive.pressures + noise)))
-    outputs = iter(fit.model.integration.run(runs))
-    result: list[list[Array]] = []
-    for record, y in zip(records, fit.outputs, strict=True):
-        draws: list[Array] = []
-        if record.has_unsure_pressures:
-            draws = [np.nan_to_num(next(outputs) - y) for _ in range(DRAWS)]
-        result.append(draws)
-    return result
-
-
-def mean_white_square(problem: Problem, changes: Sequence[Sequence[Array]]) -> float:
-    """Mean square of the white rows of draws of changes of each log's outputs; 0 where there are none."""
-    squares = [np.mean(w(y) ** 2) for w, draws in zip(problem.whiteners, changes, strict=True) for y in draws]
-    return float(np.mean(squares)) if squares else 0.0
-
-
-def _add_to_bins(sums: Array, counts: Array, edges: Array, frequency: Array, power: Array) -> None:
-    place = np.searchsorted(edges, frequency) - 1
-    inside = (place >= 0) & (place < len(sums))
-    np.add.at(sums, place[inside], power[inside])
-    np.add.at(counts, place[inside], 1.0)
-
-
-def sensors_of(prepared: Prepared, outputs: Sequence[Array], disturbed: Sequence[Sequence[Array]]) -> list[SensorNoise]:
-    """Noise of each output, coloured where the spectrum above the arm's motion says so; alike for one kind of sensor.
-
-    The residual is taken at all rows of the logs, the simulation interpolated between its own: it is smooth.
-    """
-    records = prepared.full
-    white = np.sqrt(np.mean([r.noise**2 for r in records], axis=0))
-    result = [SensorNoise(float(v)) for v in white]
-    sample_time = float(np.median([r.sample_time for r in records]))
-    top = 0.47 / sample_time
-    is_length = records[0].observation.is_length
-    edges = np.linspace(QUIET_FREQUENCY, max(top, 2.0 * QUIET_FREQUENCY), 60)
-    centres = 0.5 * (edges[1:] + edges[:-1])
-    for group in (np.flatnonzero(is_length), np.flatnonzero(~is_length)):
-        if not len(group):
-            continue
-        left = [
-            record.measured[:, group] - CubicSpline(thinned.time, y[:, group])(record.time)
-            for record, thinned, y in zip(records, prepared.records, outputs, strict=True)
-        ]
-        slow = steady_noise(records, left, white[group])
-        if slow is not None:
-            for k in group:
-                result[k] = SensorNoise(float(white[k]) * slow.deviation, slow.share, slow.time)
-            continue
-        if top < 2.0 * QUIET_FREQUENCY:
-            continue
-        sums, counts = np.zeros(len(centres)), np.zeros(len(centres))
-        for record, error in zip(records, left, strict=True):
-            power = np.mean((dct(error, axis=0, norm="ortho") / white[group]) ** 2, axis=1)
-            _add_to_bins(sums, counts, edges, frequencies(len(record.rows), sample_time), power)
-        known, draws = np.zeros(len(centres)), np.zeros(len(centres))
-        for thinned, changes in zip(prepared.records, disturbed, strict=True):
-            for change in changes:
-                # A coefficient of thinned rows holds less of the same spectrum.
-                power = (
-                    np.mean((dct(change[:, group], axis=0, norm="ortho") / white[group]) ** 2, axis=1)
-                    * thinned.thinning
-                )
-                _add_to_bins(known, draws, edges, frequencies(len(change), thinned.sample_time), power)
-        known /= np.maximum(draws, 1.0)
-        total = float(counts.sum()) * len(group)
-        found = sensor_noise(sums / np.maximum(counts, 1.0), total, centres, sample_time, 1.0, known)
-        for k in group:
-            result[k] = SensorNoise(float(white[k]) * found.deviation, found.share, found.time)
-    return result
-
-
 @dataclass(frozen=True)
 class Baseline:
     """The re-identified plain model.
@@ -256,13 +165,15 @@ class Baseline:
         fit: the fit, with sensitivities.
         prepared: step and thinned logs.
         shaken: what the noise of the pressures does, mean square of white rows.
+        bound: on what the noise of the pressures does.
     """
 
     problem: Problem
     noise: NoiseModel
     fit: Fit
     prepared: Prepared
-    shaken: float = 0.0
+    shaken: float
+    bound: Bound
 
 
 def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel) -> tuple[Array, list[Array]]:
@@ -391,16 +302,26 @@ def fit_baseline(
     fit = evaluate(problem, model, x, states)
     model = _integrated_for(model, prepared, fit, problem)
     disturbed = disturbed_outputs(problem, replace(fit, model=model), seed)
-    noise = noise_model(records, disturbed, sensors_of(prepared, fit.outputs, disturbed), scatter)
-    problem = whole_logs(model, noise, prepared.states, cache)
-    known = cache.get("plain" + label, shapes)
-    if known is None:
-        fit = evaluate(problem, model, fit.x, fit.states)
-        fit = improve(problem, fit, iterations=30, tolerance=2e-3, renewals=8, limit=FAR)
-        cache.put("plain" + label, x=fit.x, states=np.array(fit.states))
-    else:
-        fit = weighted(problem, evaluate(problem, model, known["x"], list(known["states"])))
+    bound = bound_of(records, fit.outputs, disturbed)
+    for round_ in range(NOISE_ROUNDS):
+        made = [bound(draws, record) for draws, record in zip(disturbed, records, strict=True)]
+        sensors = sensors_of(prepared.full, records, fit.outputs, made)
+        noise = noise_model(records, made, sensors, scatter)
+        problem = whole_logs(model, noise, prepared.states, cache)
+        name = f"plain{round_ or ''}{label}"
+        known = cache.get(name, shapes)
+        if known is None:
+            fit = evaluate(problem, model, fit.x, fit.states)
+            fit = improve(problem, fit, iterations=30, tolerance=2e-3, renewals=8, limit=FAR)
+            cache.put(name, x=fit.x, states=np.array(fit.states))
+        else:
+            fit = weighted(problem, evaluate(problem, model, known["x"], list(known["states"])))
+        # The bound is the tighter the better the fit is.
+        before, bound = bound, bound_of(records, fit.outputs, disturbed)
+        if np.all(bound.factors > SAME_NOISE * before.factors):
+            break
+        bound = replace(bound, factors=np.minimum(bound.factors, before.factors))
     if stiff:
         problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
-    shaken = mean_white_square(problem, disturbed)
-    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared, shaken)
+    shaken = mean_white_square(problem, made)
+    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared, shaken, before)

@@ -16,8 +16,6 @@ from bha.diagnosis import catalogue
 from bha.diagnosis.baseline import (
     Baseline,
     Prepared,
-    disturbed_outputs,
-    mean_white_square,
 )
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.candidate import core_ranges
@@ -26,6 +24,7 @@ from bha.diagnosis.describe import describe
 from bha.diagnosis.fit import evaluate, whole_logs, with_sensitivities
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals
+from bha.diagnosis.noises import disturbed_outputs, mean_white_square
 from bha.diagnosis.plain import fit_plain
 from bha.diagnosis.preparation import (
     cut_to,
@@ -300,8 +299,8 @@ def _held_out_noise(baseline: Baseline, holdout: Holdout, prediction: Prediction
         return noise.floor, 0.0
     fit = evaluate(held, baseline.fit.model, baseline.fit.x, prediction.states)
     drawn = [
-        [change for change in changes if np.max(np.abs(change), initial=0.0) < RUN_AWAY]
-        for changes in disturbed_outputs(held, fit, seed)
+        baseline.bound([change for change in changes if np.max(np.abs(change), initial=0.0) < RUN_AWAY], record)
+        for record, changes in zip(held.records, disturbed_outputs(held, fit, seed), strict=True)
     ]
     if not all(drawn):
         return noise.floor, 0.0

@@ -32,6 +32,8 @@ TOP_FREQUENCY = 30.0
 QUIET_FREQUENCY = 15.0
 #: Least gain of the log-likelihood at which noise counts as coloured.
 COLOUR_GAIN = 15.0
+#: Lowest frequency that is seen, over the corner of the colour, up to which its size is told.
+CORNER = 2.0
 #: Fewest coefficients of one log in a band.
 BAND_COEFFICIENTS = 12
 
@@ -58,25 +60,28 @@ class SensorNoise:
 
 
 def sensor_noise(
-    spectra: Array, count: float, frequency: Array, sample_time: float, white: float, known: Array | float = 0.0
+    spectra: Array, counts: Array, frequency: Array, sample_time: float, white: float, known: Array | float = 0.0
 ) -> SensorNoise:
-    """White or coloured noise, from the spectrum of residuals above the arm's motion, by Whittle's likelihood.
+    """White or coloured noise, from the spectrum of residuals where there is nothing else, by Whittle's likelihood.
 
     Args:
         spectra: squares of cosine coefficients, averaged over channels and logs that share a kind of sensor, shape
             (k,), m^2.
-        count: coefficients that were averaged, in all.
+        counts: of the coefficients that were averaged, shape (k,).
         frequency: their frequencies, Hz: only such at which the arm does not move.
         sample_time: of the sensor, s.
         white: standard deviation if the noise is white, m.
         known: what is in the spectra beside the noise of the sensors: the work of the pressure noise, m^2.
     """
 
+    count = float(np.sum(counts))
+    weights = counts / count
+
     # Averages over bins: the likelihood then is that of chi-squared means, whatever their number of degrees.
     def loss(x: Array) -> float:
         variance, share, time = np.exp(x[0]), 1.0 / (1.0 + np.exp(-x[1])), np.exp(x[2])
         density = variance * (1.0 - share + share * ar1_density(frequency, sample_time, time)) + known
-        return float(np.mean(np.log(density) + spectra / density))
+        return float(weights @ (np.log(density) + spectra / density))
 
     def white_loss(x: Array) -> float:
         return loss(np.array([x[0], -50.0, np.log(sample_time)]))
@@ -84,7 +89,7 @@ def sensor_noise(
     level = float(np.log(max(np.mean(spectra - known), 1e-3 * np.mean(spectra))))
     plain = float(minimize(white_loss, [level], method="Nelder-Mead").fun)
     best: tuple[float, Array] | None = None
-    for start in (0.01, 0.03, 0.1):
+    for start in (0.01, 0.03, 0.1, 0.3):
         found = minimize(loss, [level, 0.0, np.log(start)], method="Nelder-Mead", options={"maxiter": 400})
         if best is None or found.fun < best[0]:
             best = (float(found.fun), np.asarray(found.x))
@@ -92,7 +97,9 @@ def sensor_noise(
     share, time = 1.0 / (1.0 + np.exp(-best[1][1])), float(np.exp(best[1][2]))
     deviation = float(np.exp(0.5 * best[1][0]))
     weak = 0.5 * count * (plain - best[0]) < COLOUR_GAIN or share < 0.1
-    if weak or not sample_time < time < 0.2 or deviation > 2.0 * white:
+    # Where only the slope above its corner is seen, size and time are not told apart.
+    seen = 2.0 * np.pi * float(np.min(frequency)) * time < CORNER
+    if weak or not sample_time < time or not (seen or (time < 0.2 and deviation <= 2.0 * white)):
         return SensorNoise(white)
     return SensorNoise(deviation, float(share), time)
 
