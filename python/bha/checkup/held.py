@@ -13,6 +13,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bha.errors import BhaError
 from bha.estimation.free import FreeParameter, resolve
 from bha.estimation.records import record
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Arms of more sections than this are not fitted: they take too long.
 MOST_SECTIONS = 6
+#: Share of the outputs' motion that a fit may leave which has found the poses of an arm.
+FOUND = 0.3
 
 
 def held_fit(
@@ -64,7 +68,21 @@ def gain(filed: Statics | None, other: Statics | None) -> float:
 def sure_gain(arm: Arm, made: Sequence[Recording], filed: Statics | None, other: Statics | None, least: float) -> float:
     """The same, but where it exceeds ``least`` the file's arm is fitted from the numbers of ``other``, too.
 
-    A search that ended in a valley of its own is no evidence.
+    A search that ended in a valley of its own is no evidence. Neither is one that leaves more than the outputs moved,
+    as it has found no poses of the arm, unless ``other`` does find them (NaN then).
     """
     found = gain(filed, other)
-    return min(found, gain(held_fit(arm, made, (), other), other)) if found > least else found
+    if not found > least:
+        return found
+    again = held_fit(arm, made, (), other)
+    found = min(found, gain(again, other))
+    best, moved = min((fit.spread for fit in (filed, again) if fit is not None), default=math.inf), motion(made)
+    lost = best > moved and (other is None or other.spread > FOUND * moved)
+    return math.nan if lost else found
+
+
+def motion(made: Sequence[Recording]) -> float:
+    """By how much the outputs of logs move: standard deviation, m, root mean square over outputs."""
+    told = [np.where(m.usable, m.measured, np.nan) for m in made]
+    spreads = [np.nanvar(column) for table in told for column in table.T if np.isfinite(column).any()]
+    return float(np.sqrt(np.mean(spreads))) if spreads else 0.0

@@ -297,8 +297,15 @@ def _headline(top: Cause, layout: Layout) -> str:
         )
     if top.kind == "azimuth":
         parts = " and ".join(f"{np.degrees(a):.0f} deg" for a in top.turns)
-        return f"the bending of section {_list(top.sections)} is turned by {parts} against the file"
+        which = f"section{'s' * (len(top.sections) > 1)} {_list(top.sections)}"
+        return f"the bending of {which} is turned by {parts} against the file"
+    if len(top.sections) > 1:
+        return f"sections {_list(top.sections)} do not bend as their chambers push by the file"
     return f"section {_list(top.sections)} does not bend as its chambers push by the file"
+
+
+#: Change of a share of motion that is worth a word.
+_WORTH_SAYING = 0.02
 
 
 def _evidence(verdict: Verdict, found: Evidence) -> str:
@@ -318,6 +325,7 @@ def _evidence(verdict: Verdict, found: Evidence) -> str:
         if turn.explained > 0.5 and abs(turn.angle) > 0.1:
             said += f" (it is turned by {np.degrees(turn.angle):.0f} ± {np.degrees(turn.error):.1f} deg)"
         parts.append(said)
+    parts += _lengthening(top, found)
     for group, linear in found.linear.items():
         as_stated = explained_linear(found, as_filed(found.layout), group)
         said = f"{', '.join(linear.names[:3])}: the file explains {100 * as_stated:.0f} % of the motion"
@@ -325,6 +333,26 @@ def _evidence(verdict: Verdict, found: Evidence) -> str:
             said += f", this {100 * explained_linear(found, top.assignment, group):.0f} %"
         parts.append(said)
     return "; ".join(parts)
+
+
+def _lengthening(top: Cause | None, found: Evidence) -> list[str]:
+    """The same of how sections lengthen, where an explanation changes what is explained of it."""
+    if top is None:
+        return []
+    filed, parts = as_filed(found.layout), []
+    for group, section, kind in sorted(found.informative):
+        if kind != "length" or section not in top.sections:
+            continue
+        block = found.blocks[group, section, kind]
+        before, after = (
+            explained(block, seen_drive(found.layout, assignment, group)[1][section])
+            for assignment in (filed, top.assignment)
+        )
+        if abs(after - before) >= _WORTH_SAYING:
+            parts.append(
+                f"section {section + 1} by {group}: {100 * before:.0f} % of its mean length, this {100 * after:.0f} %"
+            )
+    return parts
 
 
 def _numbers(verdict: Verdict) -> dict[str, object]:
