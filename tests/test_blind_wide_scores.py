@@ -129,7 +129,7 @@ def test_scores_of_hand_made_identifications(tmp_path: Path) -> None:
             {"path": "section.1.mass", "value": 0.51, "interval": [0.49, 0.53], "identified": True},
             {"path": "section.1.damping", "value": 20.0, "interval": [18.0, 22.0], "identified": True},
         ],
-        "held_out": [{"rms_after": [1e-3, 1.4e-3]}],
+        "held_out": [{"channels": ["x1", "z1", "ox1"], "rms_after": [1e-3, 1.4e-3, 1.0]}],
     }
     path = tmp_path / "stdout.txt"
     path.write_text("progress\n" + json.dumps(data), encoding="utf-8")

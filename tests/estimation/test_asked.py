@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bha
+from bha.estimation.asked import curved_springs
 from bha.estimation.begin import Begin, begin
 from bha.estimation.lags import with_lag
 from bha.estimation.records import record
@@ -43,6 +44,19 @@ def test_chambers_that_are_not_alike_get_gains_and_azimuths() -> None:
     gains = np.array([start for start in starts if start is not None])
     assert gains - gains.mean() == pytest.approx(np.array(GAINS) - np.mean(GAINS), abs=0.02)
     assert found.trial.spread < 1e-3
+
+
+def test_powers_of_springs_are_asked_for_where_the_file_has_one() -> None:
+    parameters = arm_of(TRUE).parameters
+    asked = curved_springs(parameters, ("section.1.stiffness.1", "section.1.damping"))
+    assert asked is not None
+    assert asked.parameters.sections[0].stiffness == (TRUE["stiffness"], 0.0, 0.0)
+    added = {f.path: f for f in asked.free if not isinstance(f, str)}
+    # Half of the spring's force at the ends of a range of 0.3 m.
+    assert added["section.1.stiffness.2"].prior == pytest.approx((0.0, 0.5 * TRUE["stiffness"] / 0.15))
+    assert added["section.1.stiffness.3"].prior == pytest.approx((0.0, 0.5 * TRUE["stiffness"] / 0.15**2))
+    assert curved_springs(asked.parameters, asked.free) is None
+    assert curved_springs(parameters, ("section.1.damping",)) is None
 
 
 def test_equal_chambers_and_prompt_commands_ask_for_nothing() -> None:

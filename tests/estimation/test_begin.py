@@ -102,11 +102,14 @@ def test_a_good_file_is_its_own_start() -> None:
 def test_the_scale_rests_on_what_is_published_or_weighed() -> None:
     arm = arm_of(TRUE)
     records = [record(arm, log_of(arm, 1, duration=6.0))]
-    weighed = {f.path: f for f in default_free_of(arm.parameters, records)}
+    stated = {f.path: f for f in default_free_of(arm.parameters, records)}
+    assert stated["section.1.mass"].prior == pytest.approx((0.5, 0.075))
+    mapping = arm.parameters.to_mapping()
+    mapping["section"][0]["provenance"] = {"mass": "measured"}
+    weighed = {f.path: f for f in default_free_of(arm.parameters.updated(mapping), records)}
     assert weighed["section.1.mass"].prior == pytest.approx((0.5, 0.025))
     assert "section.1.terminal_area" in weighed
     assert "masses" in scale_of(arm.parameters, tuple(weighed.values()))
-    mapping = arm.parameters.to_mapping()
     mapping["section"][0]["provenance"] = {"terminal_area": "published"}
     published = arm.parameters.updated(mapping)
     drawn = {f.path: f for f in default_free_of(published, records)}

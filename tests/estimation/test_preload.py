@@ -103,6 +103,10 @@ def test_first_commands_are_those_that_the_arm_stood_under() -> None:
     assert found is not None
     assert found.pressures[0, 0] == 1e4
     assert np.array_equal(found.pressures[1:], commands[1:])
+    # A command that ends soon after the log has begun is the one it stood under if nothing moves in between.
+    late = time >= 2.5
+    soon = bha.Input(time[late] - 2.5, commands[late])
+    assert stood_under(soon, time[late] - 2.5, pose[late], pose[late][0]) is soon
     # Where it begins under the command that holds it nothing changes; where it never comes back nobody knows.
     assert stood_under(drive, time, pose, np.array([0.1])) is drive
     short = time < 2.5

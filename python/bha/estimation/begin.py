@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
-from bha.estimation.asked import Asked, dead_time, delayed, material_that_creeps, unlike_chambers
+from bha.estimation.asked import Asked, curved_springs, dead_time, delayed, material_that_creeps, unlike_chambers
 from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
 from bha.estimation.dynamics import LITTLE, Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
@@ -173,7 +173,7 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
     again = _asked(found, Asked(found.arm.parameters, found.free, "", True), model, whole=whole)
     found = again if again is not None and again.tried[0].merit < found.tried[0].merit else found
     commanded = any(rec.drive.commanded for rec in records)
-    for ask in (material_that_creeps, unlike_chambers, dead_time):
+    for ask in (curved_springs, material_that_creeps, unlike_chambers, dead_time):
         if not _fits(ask, held=preloads_of(found.arm.parameters) is not None, commanded=commanded):
             continue
         asked = ask(found.arm.parameters, found.free)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
 from bha.estimation.problem import Normal, Point, Problem
+from bha.estimation.steps import bounded_step
 
 Array = NDArray[np.float64]
 
@@ -133,7 +134,9 @@ def corrected(problem: Problem, point: Point, normal: Normal, *, seed: int = 0, 
     basis = root @ directions
     information = (basis * np.where(kept, shares, 0.0)) @ basis.T
     measured = (basis * kept) @ directions.T @ inverse_root
-    step = np.linalg.solve(information + prior, measured @ (gradient - pull) + pull)
+    low, high = np.array([c.bounds for c in problem.model.coordinates]).reshape(-1, 2).T
+    # Cut off at a bound only afterwards, a step would leave the others where they make up for what is not allowed.
+    step = bounded_step(information + prior, measured @ (gradient - pull) + pull, low - point.z, high - point.z)
     return Corrected(information, measured, step, better.state_steps(step))
 
 

@@ -50,6 +50,8 @@ _NOISE_WINDOW = 30.0
 _TOLD = 0.25
 #: Most steps by which the shift of pressure noise is taken off.
 _CORRECTIONS = 4
+#: By how many times what a linear model says the loss may rise with them.
+_FAITHFUL = 3.0
 
 
 @dataclass(frozen=True)
@@ -340,6 +342,8 @@ def _without_pressure_noise(
         return outcome, normal, uncorrected(problem, normal)
     bounds = np.array([c.bounds for c in problem.model.coordinates]).T
     better = corrected(problem, outcome.point, normal, seed=settings.seed)
+    before = problem.evaluated(outcome.point.z, outcome.point.states)
+    first = replace(outcome, point=before), normal, better
     for _ in range(_CORRECTIONS):
         point = outcome.point
         moved = problem.evaluated(np.clip(point.z + better.step, *bounds), point.states + better.state_steps)
@@ -351,6 +355,11 @@ def _without_pressure_noise(
             break
         normal = problem.normal(moved, keep=True)
         better = corrected(problem, moved, normal, seed=settings.seed)
+    # Off the minimum the loss rises by what the shift says, or steps have led to where their derivatives do not hold.
+    shift = outcome.point.z - before.z
+    said = max(float(shift @ first[1].reduced()[0] @ shift), float(len(shift)))
+    if outcome.point.cost - before.cost > _FAITHFUL * said:
+        return first
     return outcome, normal, better
 
 

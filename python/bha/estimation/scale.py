@@ -1,15 +1,19 @@
 """What fixes the scale of forces, and what is free of an arm of which nothing but a tape measure and a scale tell.
 
 Mass, area, stiffness, bending stiffness and damping share one scale: all times two, and the arm moves the same. Weight
-against pressure ties mass to area, nothing ties both to newtons but a value that is known. The rule, section by
-section, in this order:
+against pressure ties mass to area, section by section, nothing ties all to newtons but a value that is known. The rule,
+section by section, in this order:
 
-1. areas that the file calls published are known and stay, and so do published masses;
-2. where every log measures the section's lengths, the file's areas count as known: such an arm comes with its drawings;
-3. else the arm was weighed: its mass is that of the file within 5 %, and areas are free.
+1. what the file calls published is known and stays;
+2. where every log measures the section's lengths, or the file calls its area measured, the file's areas count as known
+   to a tenth: such an arm comes with its drawings;
+3. else the mass is that of the file, within 5 % where it calls it measured (on a scale), else within 15 %, and areas
+   are free.
 
-Numbers of a tape measure (rest lengths, and how far below the head the mass hangs) are free about the file's values
-where heads are all that is seen. Guesses (stiffness, bending stiffness, damping) are free by factors.
+Numbers of a tape measure are free about the file's values: rest lengths, how far below the head the mass hangs, where
+wires run. A rest length that is off by some per cent is millimetres, many times the noise, and what cannot become
+length becomes curvature of springs and weight (docs/decisions/0015). Guesses (stiffness, bending stiffness, damping)
+are free by factors.
 """
 
 from __future__ import annotations
@@ -17,25 +21,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from bha.estimation.free import FreeParameter, camera_free
+from bha.estimation.free import FreeParameter, camera_free, typical_scale
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters, SectionParameters, paths
 
-#: Standard deviation of ln(mass) of an arm that was weighed, and of ln(area) of one that was not measured.
-WEIGHED, AREA = 0.05, math.log(3.0)
+#: Standard deviation of ln(mass) of an arm that was weighed and of one of which the file does not say so, and of
+#: ln(area) of one that comes with its drawings and of one that does not.
+WEIGHED, STATED, DRAWN, AREA = 0.05, 0.15, 0.1, math.log(3.0)
 #: The same of a stiffness and of a damping: guesses are starts, and must not weigh in the scale.
 STIFFNESS, DAMPING = math.log(1e6), math.log(1e6)
+#: The same of what each higher power of a spring adds at the ends of its range, in the force of the first one there.
+CURVED = 0.5
 #: Standard deviation of a bending stiffness, in itself or what the springs bend, whichever is greater.
 BENDING = 10.0
 #: Standard deviations of a rest length, and of where the mass hangs, in rest lengths.
 REST_LENGTH, CENTRE = 0.03, 1.0 / 6.0
+#: Standard deviations of the azimuth of a wire, rad, and of its radius, in itself.
+WIRE_ANGLE, WIRE_RADIUS = math.radians(2.0), 0.03
 
 
 def default_free_of(parameters: ArmParameters, records: Sequence[Record]) -> tuple[FreeParameter, ...]:
     """What is free of an arm by default under these records, without lags of commands (:mod:`bha.estimation.lags`)."""
     free: list[FreeParameter] = []
-    for number, section in enumerate(parameters.sections, start=1):
-        free += _of_section(number, section, records)
+    for number in range(1, len(parameters.sections) + 1):
+        free += _of_section(parameters, number, records)
+    free += _of_wires(parameters, records)
     if all(sees_a_head(rec) for rec in records):
         free += camera_free(parameters)
     return tuple(free)
@@ -47,47 +57,67 @@ def sees_a_head(rec: Record) -> bool:
     return any(sections.count(section) == len(paths.AXES) for section in sections)
 
 
-def scale_of(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> str:
+def scale_of(parameters: ArmParameters, free: Sequence[FreeParameter]) -> str:
     """What the scale of forces rests on, as a sentence."""
-    names = {f if isinstance(f, str) else f.path for f in free}
-    count = len(parameters.sections)
-    areas = {f"section.{k}.terminal_area" for k in range(1, count + 1)}
-    if not areas & names:
+    areas = [_spread(f) for f in free if f.path.startswith("section.") and f.path.endswith(".terminal_area")]
+    masses = [_spread(f) for f in free if f.path.startswith("section.") and f.path.endswith(".mass")]
+    if not areas:
         return (
             "the scale of forces is that of the file's areas: masses, stiffnesses and dampings are right if these are"
         )
+    if masses and max(areas) < max(masses):
+        return (
+            f"the scale of forces is that of the file's areas, taken as known to {100 * max(areas):g} %: masses, "
+            "stiffnesses and dampings are right as far as these are"
+        )
+    known = f", taken as known to {100 * max(masses):g} %" if masses else ""
     return (
-        "the scale of forces is that of the file's masses, taken as weighed to "
-        f"{100 * WEIGHED:g} %: areas, stiffnesses and dampings are right if these are"
+        f"the scale of forces is that of the file's masses{known}: areas, stiffnesses and dampings are right as far as "
+        "these are"
     )
 
 
-def _of_section(number: int, section: SectionParameters, records: Sequence[Record]) -> list[FreeParameter]:
-    place = f"section.{number}"
-    published = {name for name, entry in section.provenance.items() if entry.status == "published"}
+def _spread(free: FreeParameter) -> float:
+    """Standard deviation of the prior of a positive number, in itself."""
+    return math.inf if free.prior is None else free.prior[1] / free.prior[0]
+
+
+def _of_section(parameters: ArmParameters, number: int, records: Sequence[Record]) -> list[FreeParameter]:
+    place, section = f"section.{number}", parameters.sections[number - 1]
+    status = {name: entry.status for name, entry in section.provenance.items()}
+    published = {name for name, own in status.items() if own == "published"}
     measured = all(_measures_lengths(rec, number) for rec in records)
-    areas_known = "terminal_area" in published or measured
+    area = status.get("terminal_area")
+    drawn = area in ("published", "measured", "identified") or (measured and area != "assumed")
     free = []
     if "mass" not in published:
-        free.append(_about(f"{place}.mass", section.mass, math.log(5.0) if areas_known else WEIGHED))
+        weighed = WEIGHED if status.get("mass") == "measured" else STATED
+        free.append(_about(f"{place}.mass", section.mass, math.log(5.0) if drawn else weighed))
     for k, value in enumerate(section.stiffness, start=1):
         path = f"{place}.stiffness.{k}"
-        free.append(_about(path, value, STIFFNESS) if k == 1 and value > 0 and not measured else FreeParameter(path))
+        if k > 1:
+            free.append(curved(parameters, path))
+        else:
+            free.append(_about(path, value, STIFFNESS) if value > 0 and not measured else FreeParameter(path))
     for k, value in enumerate(section.bending_stiffness, start=1):
         path = f"{place}.bending_stiffness.{k}"
-        if k == 1 and not measured:
+        if k == 1:
             free.append(_beside_the_springs(path, value, section, number))
-        elif value or k == 1:
+        elif value:
             free.append(FreeParameter(path))
     if section.damping > 0 and not measured:
         free.append(_about(f"{place}.damping", section.damping, DAMPING))
     else:
         free.append(FreeParameter(f"{place}.damping"))
-    if not areas_known:
-        free.append(_about(f"{place}.terminal_area", section.terminal_area, AREA))
-    if not measured:
-        free += _of_a_tape_measure(place, section, published)
-    return free
+    if "terminal_area" not in published:
+        free.append(_about(f"{place}.terminal_area", section.terminal_area, DRAWN if drawn else AREA))
+    return [*free, *_of_a_tape_measure(place, section, published)]
+
+
+def curved(parameters: ArmParameters, path: str) -> FreeParameter:
+    """A coefficient of a higher power of a spring."""
+    value = paths.get_value(parameters, path)
+    return FreeParameter(path, prior=(value, CURVED * typical_scale(parameters, path, value)))
 
 
 def _of_a_tape_measure(place: str, section: SectionParameters, published: set[str]) -> list[FreeParameter]:
@@ -97,6 +127,22 @@ def _of_a_tape_measure(place: str, section: SectionParameters, published: set[st
     if "center_of_mass" not in section.model_fields_set and "terminal_area" not in published:
         prior = (0.0, CENTRE * length)
         free.append(FreeParameter(f"{place}.center_of_mass.z", lower=-0.5 * length, upper=0.0, prior=prior))
+    return free
+
+
+def _of_wires(parameters: ArmParameters, records: Sequence[Record]) -> list[FreeParameter]:
+    """Where the wires run that every log reads: nobody holds a protractor to better than some degrees."""
+    read = [set(rec.observation.names) for rec in records]
+    free = []
+    for number, wire in enumerate(parameters.length_sensors, start=1):
+        if not all(wire.name in names for names in read):
+            continue
+        published = {name.removesuffix("_deg") for name, e in wire.provenance.items() if e.status == "published"}
+        if "angle" not in published:
+            free.append(FreeParameter(f"length_sensor.{number}.angle", prior=(wire.angle_rad, WIRE_ANGLE)))
+        if "radius" not in published and wire.radius > 0.0:
+            prior = (wire.radius, WIRE_RADIUS * wire.radius)
+            free.append(FreeParameter(f"length_sensor.{number}.radius", prior=prior))
     return free
 
 

@@ -42,6 +42,8 @@ class Policy:
         tolerance: converged when a full step is expected to lower the loss by less than this part of it, or by less
             than ``negligible``.
         negligible: the same, absolute: one standard error of one parameter changes the loss by one.
+        crawl: converged too when so many steps together have lowered the loss by less than so much: along a curved
+            valley a full step always promises more than it keeps.
         damping: relative damping of the first step.
         rise: factor on the damping, and its least value, after a step that does not lower the loss; beyond the third
             number no step is tried.
@@ -58,6 +60,7 @@ class Policy:
     max_iterations: int = 40
     tolerance: float = 1e-6
     negligible: float = 1e-2
+    crawl: tuple[int, float] = (5, 0.2)
     damping: float = 1e-4
     rise: tuple[float, float, float] = (10.0, 1e-6, 1e8)
     bends: int = 3
@@ -162,6 +165,12 @@ class _Search:
     def _keeps(self) -> bool:
         return self.policy.renewals is not None
 
+    @property
+    def _crawls(self) -> bool:
+        """Whether the last steps have gained nothing that counts."""
+        steps, least = self.policy.crawl
+        return len(self._history) > steps and self._history[-1 - steps] - self._history[-1] < least
+
     def ended(self, converged: bool, message: str) -> Outcome:
         """Where the search is."""
         steps = len(self._history) - 1
@@ -226,7 +235,7 @@ class _Search:
         small = gained < self.policy.threshold(trial.cost)
         self._weigh()
         if not self._keeps:
-            return None
+            return self.ended(True, "nothing left to gain but along a valley") if self._crawls else None
         if small and (self._fresh or not self._left):
             return self.ended(True, "nothing left to gain")
         self._fresh = False

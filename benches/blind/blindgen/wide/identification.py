@@ -8,6 +8,7 @@ no true value. A coverage by sort of parameter counts what the product says to b
 
 import json
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,7 @@ from ..scoring import Score, number_in, quantiles
 from .scoring import Run, spent
 
 GOOD = 1.3  # of what the true model leaves
+ORIENTATION = re.compile(r"o[wxyz]\d+")
 SORTS = ("mass", "stiffness.1", "damping", "bending_stiffness.1", "rest_length", "terminal_area")
 
 
@@ -26,7 +28,7 @@ class Identified:
 
     converged: bool | None = None
     parameters: list[dict[str, Any]] = field(default_factory=list)
-    error: float | None = None  # RMS over all channels of all held-out logs, m
+    error: float | None = None  # RMS over all channels in metres of all held-out logs, m
     problem: str = ""
 
 
@@ -35,10 +37,12 @@ def read_identified(path: Path) -> Identified:
     try:
         text = path.read_text(encoding="utf-8")
         data = json.loads(text[text.index("{") :])
+        # Quaternions are no metres, and the true model's error has none.
         squares = [
             x * x if x is not None else math.inf
             for held in data["held_out"]
-            for x in (number_in(v) for v in held["rms_after"])
+            for name, x in zip(held["channels"], map(number_in, held["rms_after"]), strict=True)
+            if not ORIENTATION.fullmatch(str(name))
         ]
         error = math.sqrt(sum(squares) / len(squares)) if squares else None
         return Identified(bool(data["converged"]), [dict(p) for p in data["parameters"]], error)
