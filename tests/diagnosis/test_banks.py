@@ -70,6 +70,8 @@ def test_a_bank_is_one_candidate_with_a_strength_an_element() -> None:
     x = [c.coordinate(value) for c, value in zip(term.coordinates, (0.5, 0.0, 3.0), strict=True)]
     assert [e["amplitude"] for e in term.elements(x)] == [0.5, 0.0, 3.0]
     assert [e["yield"] for e in term.elements(x)] == [own["yield"] for own in plan.bank[1:4]]
+    # One scale, whatever the screening expects of each: it is wrong of which element acts where it is far off.
+    assert {c.scale for c in term.coordinates} == {2.0}
     # A strength of nothing is no bound that the whole would sit on; strengths that are all nothing are.
     assert term.on_bound(np.array(x)) == set()
     assert term.on_bound(np.zeros(3)) == {"amplitude"}

@@ -17,7 +17,7 @@ from bha.diagnosis.catalogue import available
 from bha.diagnosis.memory import memory, numbers_per_independent
 from bha.diagnosis.preparation import cut_to, thin
 from bha.diagnosis.screen import Signatures, score
-from bha.diagnosis.select import told
+from bha.diagnosis.search import told
 
 from .synthetic import record_of
 
@@ -172,6 +172,26 @@ def test_parameters_without_a_log_are_those_of_a_fit_without_it(lengths: tuple[i
         kept = fit.jacobian[~out]
         expected = np.linalg.solve(kept.T @ kept + np.eye(3), kept.T @ measured[~out])
         np.testing.assert_allclose(x, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("lengths", [(30, 40, 50), (60, 50)])
+def test_logs_are_predicted_by_what_the_others_give(lengths: tuple[int, ...]) -> None:
+    """Of a linear model what refits without each group leave of it, to the last digit."""
+    problem, fit, measured = linear(np.random.default_rng(6), lengths)
+    squares = 0.0
+    for group in crossing.groups(problem):
+        first = problem.slices()[group.log].start
+        out = np.zeros(len(measured), dtype=bool)
+        out[first + 2 * group.rows.start : first + 2 * group.rows.stop] = True
+        kept = fit.jacobian[~out]
+        x = np.linalg.solve(kept.T @ kept + np.eye(3), kept.T @ measured[~out])
+        squares += float(np.sum((measured[out] - fit.jacobian[out] @ x) ** 2))
+    found = crossing.crossed(problem, fit, 1.0)
+    assert found == pytest.approx(squares / len(measured), rel=1e-9)
+    assert found > float(np.mean(fit.residual**2))
+    assert crossing.share_of_excess(5.0, 3.0, 1.0) == 0.5
+    # Where the plain model leaves no more than noise there is nothing to remove.
+    assert crossing.share_of_excess(0.9, 0.9, 0.5) == 0.0
 
 
 def prediction(squares: list[float], white: list[float] | None = None) -> holdout.Prediction:

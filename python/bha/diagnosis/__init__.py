@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from bha.diagnosis.force_table import ResidualTable
     from bha.diagnosis.refit import Trial
     from bha.diagnosis.result import Diagnosis
-    from bha.diagnosis.select import Rules
+    from bha.diagnosis.rules import Rules
     from bha.diagnosis.words import headline
     from bha.diagnosis.workflow import Investigation, run
     from bha.logs import Log
@@ -40,7 +40,7 @@ _LATER = {
     "Diagnosis": "bha.diagnosis.result",
     "Investigation": "bha.diagnosis.workflow",
     "ResidualTable": "bha.diagnosis.force_table",
-    "Rules": "bha.diagnosis.select",
+    "Rules": "bha.diagnosis.rules",
     "Trial": "bha.diagnosis.refit",
     "headline": "bha.diagnosis.words",
     "run": "bha.diagnosis.workflow",

@@ -124,8 +124,9 @@ class Candidate:
     def _bank(self, strengths: Sequence[float], ranges: Ranges) -> tuple[EffectTerm, list[float]]:
         """The bank with the strengths of all its elements free, from zero."""
         (strength,) = self.plan.strengths
-        expected = [*strengths, *[0.0] * (len(self.bank) - len(strengths))]
-        coordinates = [self._strength(strength, own, ranges, k) for k, own in enumerate(expected)]
+        # One scale for all: an element that the screening gives nothing may be the one that acts.
+        expected = max((abs(own) for own in strengths), default=0.0)
+        coordinates = [self._strength(strength, expected, ranges, k) for k in range(len(self.bank))]
         start = [c.coordinate(0.0) for c in coordinates]
         fixed = dict(self.plan.fixed)
         term = EffectTerm(

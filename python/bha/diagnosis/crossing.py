@@ -1,31 +1,36 @@
 """Prediction of training logs by parameters that the other training logs give: what a search decides by.
 
 What: each log in turn, or where logs are few each of some long blocks, is left out. The parameters without it follow
-from the sensitivities and the white residual, whose inner products are summed by group: no refit is needed. With them
-the log is simulated, open loop, from an initial state that is estimated on it, as held-out logs are.
+from the sensitivities and the white residual, whose inner products are summed by group, and what they leave of the
+group as well: no refit is needed, and no simulation. All models that are compared hold their plain parameters by the
+priors alike, with the weight that the plain model's residual asks for: one that fits better has lighter priors, and
+would be thrown farther by what is left out.
 Source: leave-group-out cross-validation, Stone 1974; its one-step form for nonlinear least squares, Nocedal and Wright
 2006, chapter 10.
-Validity: the fit is at its minimum, and near enough to that without the group for its sensitivities to hold.
+Validity: the fit is at its minimum, and near enough to that without the group for its sensitivities to hold. A
+simulation with these parameters adds the error of that step to the prediction and swamps it where parameters are badly
+known (docs/decisions/0018).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Fit, Problem, prior_weights, project_states
-from bha.diagnosis.holdout import Prediction, Readings, error_of, predicted, state_step, up_to_run_away
+from bha.diagnosis.fit import Fit, Problem
+from bha.diagnosis.information import Information, information
 from bha.diagnosis.where import block_edges
 
 Array = NDArray[np.float64]
 
 #: Fewest logs that are left out whole; fewer are cut into blocks, so many in all at least.
 FEWEST_LOGS, FEWEST_BLOCKS = 3, 4
-#: Greatest change of a coordinate that the sensitivities are trusted with.
-GREATEST_CHANGE = 2.0
+#: Greatest change of a coordinate that the sensitivities are trusted with, in plausible distances: for the coordinates
+#: themselves, and for what they leave of the logs, where an error of it would count as one of the model.
+GREATEST_CHANGE, GREATEST_OF_ERRORS = 2.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -35,14 +40,10 @@ class Group:
     Attributes:
         log: number of the log.
         rows: its white rows.
-        begin: time of the first row, s.
-        end: time after the last one, s; infinite at the end of the log.
     """
 
     log: int
     rows: slice
-    begin: float
-    end: float
 
 
 def groups(problem: Problem) -> list[Group]:
@@ -52,58 +53,43 @@ def groups(problem: Problem) -> list[Group]:
     found = []
     for log, whitener in enumerate(problem.whiteners):
         time = whitener.time
-        cuts = block_edges(time, float(time[-1] - time[0]) / each)
-        for k, rows in enumerate(cuts):
-            begin = -np.inf if k == 0 else float(time[rows.start])
-            end = np.inf if k + 1 == len(cuts) else float(time[rows.stop])
-            found.append(Group(log, rows, begin, end))
+        found += [Group(log, rows) for rows in block_edges(time, float(time[-1] - time[0]) / each)]
     return found
-
-
-def normal_matrix(problem: Problem, fit: Fit) -> tuple[Array, Array]:
-    """Sensitivities beyond what initial states can do, and their normal matrix with the prior."""
-    assert fit.jacobian is not None
-    assert fit.state_jacobians is not None
-    jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
-    normal = jacobian.T @ jacobian + np.diag(prior_weights(fit))
-    return jacobian, normal + 1e-12 * np.trace(normal) / max(len(normal), 1) * np.eye(len(normal))
 
 
 def without_groups(problem: Problem, fit: Fit, left_out: Sequence[Group]) -> list[Array]:
     """Coordinates that the fit has without each group, by its sensitivities."""
-    jacobian, normal = normal_matrix(problem, fit)
     found = []
+    for _, change in _changes(information(problem, fit), fit, left_out, GREATEST_CHANGE):
+        moved = zip(fit.model.coordinates, fit.x + change, strict=True)
+        found.append(np.array([c.coordinate(c.value(v)) for c, v in moved]))
+    return found
+
+
+def crossed(problem: Problem, fit: Fit, trust: float) -> float:
+    """Mean square of the white residual of the training logs, each as the others predict it; ``fit`` with slopes.
+
+    ``trust`` is the weight of the priors of all models that are compared.
+    """
+    known, squares = information(problem, fit, trust), 0.0
+    for own, change in _changes(known, fit, groups(problem), GREATEST_OF_ERRORS):
+        squares += float(np.sum((fit.residual[own] - known.jacobian[own] @ change) ** 2))
+    return squares / len(fit.residual)
+
+
+def share_of_excess(plain: float, smaller: float, larger: float) -> float:
+    """Share of the excess of ``plain`` that is gone with a larger set and is not with a smaller; all mean squares."""
+    return (smaller - larger) / (plain - 1.0) if plain > 1.0 else 0.0
+
+
+def _changes(known: Information, fit: Fit, left_out: Sequence[Group], greatest: float) -> Iterator[tuple[slice, Array]]:
+    """The numbers of each group in the white vector, and by how much, at most, the coordinates change without it."""
+    problem, jacobian = known.problem, known.jacobian
     for group in left_out:
         part = problem.slices()[group.log]
         width = (part.stop - part.start) // problem.whiteners[group.log].kept
         own = slice(part.start + group.rows.start * width, part.start + group.rows.stop * width)
-        rest = normal - jacobian[own].T @ jacobian[own]
+        rest = known.normal - jacobian[own].T @ jacobian[own]
         change = -np.linalg.lstsq(rest, jacobian[own].T @ fit.residual[own], rcond=1e-12)[0]
         size = float(np.max(np.abs(change), initial=0.0))
-        x = fit.x + change * min(1.0, GREATEST_CHANGE / max(size, 1e-300))
-        found.append(np.array([c.coordinate(c.value(v)) for c, v in zip(fit.model.coordinates, x, strict=True)]))
-    return found
-
-
-def crossed(problem: Problem, fit: Fit, readings: Readings) -> Prediction:
-    """Every training log as the others predict it, under the model of ``fit``, which has its sensitivities.
-
-    ``readings`` are those of the training logs.
-    """
-    assert fit.jacobian is not None
-    assert fit.state_jacobians is not None
-    left_out = groups(problem)
-    runs = []
-    for group, x in zip(left_out, without_groups(problem, fit, left_out), strict=True):
-        part, jacobian = problem.slices()[group.log], fit.state_jacobians[group.log]
-        left = fit.residual[part] - fit.jacobian[part] @ (x - fit.x)
-        state = fit.states[group.log] + state_step(problem, jacobian, left)
-        runs.append(fit.model.run(x, problem.windows[group.log], state))
-    simulated = fit.model.integration.run(runs)
-    raw = [np.empty_like(record.measured) for record in problem.records]
-    for group, y in zip(left_out, simulated, strict=True):
-        time = problem.records[group.log].time
-        own = (time >= group.begin) & (time < group.end)
-        raw[group.log][own] = y[own]
-    outputs, until = up_to_run_away(problem, raw)
-    return predicted(problem, readings, outputs, fit.states, problem.residual(outputs), until, error_of(problem, raw))
+        yield own, np.asarray(change * min(1.0, greatest / max(size, 1e-300)))

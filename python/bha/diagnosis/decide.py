@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Fit, Problem, columns, evaluate, prior_weights, project_states
+from bha.diagnosis.fit import Fit, Problem, columns, evaluate
 from bha.diagnosis.holdout import Holdout, Prediction, rms_errors, share_removed
-from bha.diagnosis.select import Search
+from bha.diagnosis.information import information
+from bha.diagnosis.search import Search
 
 if TYPE_CHECKING:
     from bha.checkup import Finding
@@ -37,6 +38,7 @@ class Thresholds:
             is a gap whatever the held-out logs say: uncertain parameters excuse an error there, not on the logs they
             were fitted to.
         closure: least share of the excess that the named effects must remove.
+        half: the same where what is left would be no gap by itself, below ``material``.
         left: greatest error left over noise at which a closure below ``good_closure`` still counts as explained.
         good_closure: closure from which on any error left is a matter of the effect's form.
         fine: gap over noise from which the sensors are so fine that no model of this kind comes near their noise: then
@@ -47,6 +49,7 @@ class Thresholds:
     model: float = 0.06
     material: float = 1.3
     closure: float = 0.7
+    half: float = 0.5
     left: float = 2.5
     good_closure: float = 0.8
     fine: float = 100.0
@@ -89,11 +92,7 @@ def gap_test(
 
     ``more`` is what noise has in mean square there beyond that of the training logs.
     """
-    held = holdout.problem
-    assert fit.jacobian is not None
-    assert fit.state_jacobians is not None
-    projected = project_states(problem, fit.state_jacobians, fit.jacobian)
-    covariance = np.linalg.inv(projected.T @ projected + np.diag(prior_weights(fit)))
+    held, covariance = holdout.problem, information(problem, fit).covariance
     here = evaluate(held, fit.model, fit.x, prediction.states)
     spread = columns(held, here, range(fit.model.size))
     parameters = float(np.sum((spread @ covariance) * spread)) / held.rows
@@ -159,7 +158,7 @@ def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, toler
         return Decision(
             "unexplained", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
         )
-    if closure < limits.closure:
+    if closure < (limits.half if left < limits.material else limits.closure):
         return Decision(
             "unexplained",
             f"the best known effects ({search.best.label}) remove {100 * closure:.0f} % of the excess error on held-out"

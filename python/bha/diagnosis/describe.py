@@ -22,7 +22,7 @@ from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
 from bha.diagnosis.result import Alternative, CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
 from bha.diagnosis.screen import Signatures
-from bha.diagnosis.select import Search, told
+from bha.diagnosis.search import Search, told
 from bha.diagnosis.valves import found_valves, is_of_valves
 from bha.estimation.records import Record
 from bha.estimation.terms import element_of, number_of
@@ -251,8 +251,8 @@ def _effects(
 
 def _removed(state: Search, key: tuple[str, str], noise: float) -> float:
     """Share of the excess on the held-out logs that comes back when the set is refitted without an effect."""
-    smaller, larger = state.smaller.get(key), state.chosen or state.best
-    if smaller is None:
+    smaller, larger = state.smaller.get(key), state.whole
+    if smaller is None or larger is None:
         return 0.0
     return share_brought(state.plain.prediction, smaller.prediction, larger.prediction, noise)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +43,12 @@ class Problem(EstimationProblem):
         cache: keeps finished fits.
         restarts: plain coordinates from which every fit of a larger or smaller model starts as well, where the cost has
             several valleys (stiff arms, see :mod:`bha.diagnosis.baseline`).
+        stop: where it is set, fits on other threads end as after Ctrl-C, which reaches the first thread alone.
     """
 
     cache: Cache = field(default_factory=lambda: Cache(None, ""))
     restarts: tuple[Array, ...] = ()
+    stop: Event = field(default_factory=Event, compare=False)
 
     @property
     def records(self) -> tuple[Record, ...]:
@@ -175,9 +178,12 @@ def prior_cost(model: Model, x: Array) -> float:
     return float(weights @ x**2) if len(x) else 0.0
 
 
-def prior_weights(fit: Fit) -> Array:
-    """Weight of the prior of each coordinate of a fit against the squares of its residual, shape (size,)."""
-    return fit.trust * np.array([c.prior_weight for c in fit.model.coordinates])
+def prior_precision(fit: Fit, trust: float | None = None) -> Array:
+    """Weight of the prior of each coordinate against the squares of a residual, shape (size,).
+
+    ``trust`` is that of all priors, as :attr:`Fit.trust`; the fit's own if None.
+    """
+    return (fit.trust if trust is None else trust) * np.array([c.prior_weight for c in fit.model.coordinates])
 
 
 def prior_weight(mean_square: float, rate: float) -> float:
@@ -250,7 +256,7 @@ def improve(
     iterations: int = 8,
     tolerance: float = 1e-3,
     renew: Sequence[int] | None = None,
-    limit: float = 1.0,
+    limit: float | Array = 1.0,
     renewals: int = 3,
 ) -> Fit:
     """Fit from ``fit`` on.
@@ -264,7 +270,7 @@ def improve(
         tolerance: stop when a step lowers the cost by less than this share, or by less than ``NEGLIGIBLE``.
         renew: coordinates whose sensitivities are renewed in every step in any case (those that enter most
             nonlinearly).
-        limit: greatest step of a coordinate.
+        limit: greatest step of a coordinate, or of each.
         renewals: how often all sensitivities may be renewed.
 
     Raises:
@@ -280,7 +286,7 @@ def improve(
         limit=limit,
         renewals=renewals,
         renew=tuple(renew or ()),
-        weigh=partial(_weighed, problem.rate),
+        weigh=partial(_weighed, problem.rate, problem.stop),
         near=near,
     )
     slopes = None
@@ -311,8 +317,10 @@ def point_of(problem: Problem, fit: Fit) -> Point:
     return Point(fit.x, np.stack(fit.states), fit.cost, fit.outputs, tuple(problem.split(fit.residual)))
 
 
-def _weighed(rate: float, problem: EstimationProblem, point: Point) -> EstimationProblem:
+def _weighed(rate: float, stop: Event, problem: EstimationProblem, point: Point) -> EstimationProblem:
     """The problem with the weight of its priors that a residual asks for, states free about where they are."""
+    if stop.is_set():
+        raise KeyboardInterrupt
     assert point.left is not None
     squares, rows = sum(float(np.sum(left**2)) for left in point.left), sum(left.size for left in point.left)
     return replace(

@@ -26,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from bha.diagnosis.crossing import FEWEST_BLOCKS, groups, normal_matrix, without_groups
-from bha.diagnosis.fit import Fit, Problem, project_states
+from bha.diagnosis.crossing import FEWEST_BLOCKS, groups, without_groups
+from bha.diagnosis.fit import Fit, Problem
+from bha.diagnosis.information import information
 from bha.diagnosis.memory import draws_like
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.screen import Signatures, score
@@ -47,12 +48,12 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float 
 
     ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`.
     """
-    jacobian, normal = normal_matrix(problem, fit)
+    known = information(problem, fit)
     rng = np.random.default_rng([seed, 13])
-    scores = jacobian.T @ draws_like(problem, fit.residual, RESIDUALS, rng)
-    moved = np.linalg.solve(normal, scores)
+    scores = known.jacobian.T @ draws_like(problem, fit.residual, RESIDUALS, rng)
+    moved = np.linalg.solve(known.normal, scores)
     covariance = moved @ moved.T / RESIDUALS
-    noise = np.diag(np.linalg.inv(normal)) * max(1.0, fit.squares / problem.rows)
+    noise = np.diag(known.covariance) * max(1.0, fit.squares / problem.rows)
     wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2))
     spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
@@ -67,8 +68,7 @@ def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int
     That is what explains at least ``RIVAL`` of what the best does, unless chance explains that as well.
     """
     screening = score(problem, fit, signatures, seed)
-    jacobian, normal = normal_matrix(problem, fit)
-    assert fit.state_jacobians is not None
+    known = information(problem, fit)
     found = np.zeros(fit.model.size)
     if not screening.ranking or screening.chance(screening.ranking[0].score) > CHANCE:
         return found
@@ -81,8 +81,8 @@ def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int
             strength * signatures.table[:, list(parts)].sum(axis=1, dtype=np.float64)
             for strength, parts in zip(scored.strengths, own, strict=True)
         )
-        white = project_states(problem, fit.state_jacobians, np.asarray(change)[:, None])[:, 0]
-        found = np.maximum(found, np.abs(np.linalg.solve(normal, jacobian.T @ white)))
+        white = known.beyond(np.asarray(change)[:, None])[:, 0]
+        found = np.maximum(found, np.abs(np.linalg.solve(known.normal, known.jacobian.T @ white)))
     return found
 
 

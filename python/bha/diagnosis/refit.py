@@ -13,8 +13,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.candidate import Candidate, Ranges
-from bha.diagnosis.fit import Fit, Problem, columns, evaluate, improve, restarted, weighted
+from bha.diagnosis.candidate import Candidate
+from bha.diagnosis.fit import (
+    Fit,
+    Problem,
+    columns,
+    evaluate,
+    improve,
+    restarted,
+    weighted,
+    with_sensitivities,
+)
+from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.memory import by_log, numbers_per_independent
 from bha.diagnosis.slowness import LAG, better_way
@@ -23,6 +33,13 @@ from bha.estimation.integration import resolved
 from bha.estimation.terms import EffectTerm
 
 Array = NDArray[np.float64]
+
+#: Most steps of a refit, how often it may renew its sensitivities, and from which gain on it goes on, as a share of the
+#: cost: to its end, since what a refit stopped short of would look for another name.
+ITERATIONS, RENEWALS, TOLERANCE = 40, 12, 2e-3
+#: Greatest step of a refit, in plausible distances: of numbers in which the outputs are smooth, and of the shapes of
+#: effects (a wall's place, a yield), where a far step ends in a valley beside.
+GREATEST_STEP, GREATEST_OF_SHAPES = 3.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -91,68 +108,83 @@ def store(problem: Problem, fit: Fit, name: str) -> None:
     problem.cache.put(name, x=fit.x, states=np.array(fit.states))
 
 
-def refit(
-    problem: Problem,
-    holdout: Holdout,
-    start: Fit,
-    candidates: Sequence[Candidate],
-    strengths: Sequence[Sequence[float]],
-    ranges: Ranges,
-    *,
-    kept: int,
-    iterations: int = 12,
-    renewals: int = 1,
-) -> Trial | None:
-    """Refit with the effects ``candidates``, the first ``kept`` of which are already in ``start``; None if it diverges.
+def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[float]) -> Trial | None:
+    """``start`` refitted with one more effect; None if that diverges.
 
     Args:
-        problem: training logs.
-        holdout: held-out logs.
-        start: where to start, with sensitivities.
-        candidates: all effects of the new model.
-        strengths: expected strengths of the effects that are new.
-        ranges: ranges of the numbers.
-        kept: number of effects that ``start`` already has.
-        iterations: most steps.
-        renewals: how often all sensitivities are renewed.
+        given: what the search is given.
+        start: the set to begin with, with its sensitivities.
+        candidate: the effect that is new.
+        strengths: its expected strengths.
     """
-    made = [c.term(s, ranges) for c, s in zip(candidates[kept:], strengths, strict=True)]
-    model = start.model.with_effects([*start.model.effects[:kept], *(term for term, _ in made)])
-    old = start.model.with_effects(start.model.effects[:kept]).size
-    x = np.concatenate([start.x[:old], *(np.array(begin, dtype=np.float64) for _, begin in made)])
+    problem, begin = given.problem, start.fit
+    candidates = (*start.candidates, candidate)
+    term, own = candidate.term(strengths, given.ranges)
+    model = begin.model.with_effects([*begin.model.effects, term])
+    x = np.concatenate([begin.x, np.array(own, dtype=np.float64)])
+    old = len(begin.x)
     # Strengths start at zero: the step has to do for those that are expected.
     expected = np.where((x == 0.0) & (np.arange(len(x)) >= old), 1.0, x)
-    model = resolved(model, expected, start.states, problem.misfit(start))
-    fit = evaluate(problem, model, x, start.states, start.trust)
+    model = resolved(model, expected, begin.states, problem.misfit(begin))
+    fit = evaluate(problem, model, x, begin.states, begin.trust)
     if not np.isfinite(fit.cost):
         return None
-    name = f"refit {[c.name for c in candidates]} {kept} {renewals}"
+    name = f"added {[c.name for c in candidates]}"
     known = stored(problem, fit, name)
     fit = known or fit
-    new = list(range(old, model.size))
-    assert start.jacobian is not None
-    jacobian = np.concatenate([start.jacobian[:, :old], columns(problem, fit, new)], axis=1)
-    fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=start.state_jacobians))
-    effect_coordinates = list(range(len(model.plain), model.size))
+    assert begin.jacobian is not None
+    jacobian = np.concatenate([begin.jacobian, columns(problem, fit, range(old, model.size))], axis=1)
+    fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=begin.state_jacobians))
     if not known:
         try:
-            fit = improve(
-                problem,
-                fit,
-                iterations=iterations,
-                renew=effect_coordinates,
-                renewals=renewals,
-                tolerance=2e-3,
-                limit=1.0,
-            )
+            fit = to_its_end(problem, fit)
         except ConvergenceError:
             return None
         fit = restarted(problem, fit)
-        if any(c.kind == LAG for c in candidates[kept:]):
+        if candidate.kind == LAG:
             fit = better_way(problem, fit)
         store(problem, fit, name)
     acting, fit = without_idle(candidates, fit)
-    return Trial(acting, fit, holdout)
+    return Trial(acting, fit, given.holdout)
+
+
+def to_its_end(problem: Problem, fit: Fit, tolerance: float = TOLERANCE) -> Fit:
+    """The fit, gone on from where it is until nothing is left to gain; ``fit`` with its sensitivities.
+
+    Outputs are far from linear in the shapes of effects: effects that have some have their sensitivities taken anew in
+    every step.
+
+    Raises:
+        ConvergenceError: the start diverges.
+    """
+    limit = np.full(fit.model.size, GREATEST_STEP)
+    renew: list[int] = []
+    for number in range(len(fit.model.effects)):
+        own = range(*fit.model.place(number).indices(fit.model.size))
+        # Strengths have no prior.
+        shapes = [k for k in own if fit.model.coordinates[k].prior_weight > 0.0]
+        limit[shapes] = GREATEST_OF_SHAPES
+        renew += own if shapes else []
+    return improve(
+        problem, fit, iterations=ITERATIONS, renew=renew, renewals=RENEWALS, tolerance=tolerance, limit=limit
+    )
+
+
+def refined(given: Given, trial: Trial) -> Trial:
+    """The trial, fitted to its end at a step that resolves what was found, with sensitivities of its own."""
+    problem, fit = given.problem, trial.fit
+    name = f"refined {[c.name for c in trial.candidates]}"
+    # What was found may be stiffer than what was expected.
+    model = resolved(fit.model, fit.x, fit.states, problem.misfit(fit))
+    if model.integration.finer != fit.model.integration.finer:
+        fit = evaluate(problem, model, fit.x, fit.states, fit.trust)
+    known = stored(problem, fit, name)
+    fit = with_sensitivities(problem, known or fit)
+    if known is None:
+        fit = to_its_end(problem, fit, tolerance=0.5 * TOLERANCE)
+        store(problem, fit, name)
+    candidates, fit = without_idle(trial.candidates, fit)
+    return Trial(candidates, fit, given.holdout)
 
 
 def without_idle(candidates: Sequence[Candidate], fit: Fit) -> tuple[tuple[Candidate, ...], Fit]:
@@ -186,18 +218,17 @@ def drop(start: Fit, index: int) -> Fit:
     return replace(start, model=model, x=start.x[keep], jacobian=jacobian)
 
 
-def without(problem: Problem, holdout: Holdout, trial: Trial, index: int, *, iterations: int = 6) -> Trial | None:
+def without(given: Given, trial: Trial, index: int) -> Trial | None:
     """The trial refitted without its effect ``index``; None if that diverges."""
-    smaller = drop(trial.fit, index)
+    problem, smaller = given.problem, drop(trial.fit, index)
     fit = evaluate(problem, smaller.model, smaller.x, smaller.states, smaller.trust)
     if not np.isfinite(fit.cost):
         return None
     fit = replace(fit, jacobian=smaller.jacobian, state_jacobians=smaller.state_jacobians)
-    renew = list(range(len(fit.model.plain), fit.model.size))
     try:
-        fit = improve(problem, fit, iterations=iterations, renew=renew, renewals=2, tolerance=2e-3, limit=1.0)
+        fit = improve(problem, fit, iterations=ITERATIONS, renewals=RENEWALS, tolerance=TOLERANCE, limit=GREATEST_STEP)
     except ConvergenceError:
         return None
     fit = restarted(problem, fit)
     rest = tuple(c for k, c in enumerate(trial.candidates) if k != index)
-    return Trial(rest, fit, holdout)
+    return Trial(rest, fit, given.holdout)

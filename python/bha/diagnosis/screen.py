@@ -23,7 +23,8 @@ from bha import _core, names
 from bha.arm.variants import arm_of, with_effects
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.candidate import Candidate
-from bha.diagnosis.fit import Fit, Problem, prior_weights, project_states
+from bha.diagnosis.fit import Fit, Problem
+from bha.diagnosis.information import information
 from bha.diagnosis.memory import draws_like
 from bha.diagnosis.places import members, place_of, places
 from bha.diagnosis.plan import KindPlan
@@ -83,27 +84,6 @@ class Scored:
     strengths: tuple[float, ...]
     share: float
     deviation: float
-
-
-class Complement:
-    """Projection on what neither the model's coordinates nor the initial states can do, priors included."""
-
-    def __init__(self, problem: Problem, fit: Fit) -> None:
-        """Factorise once for the sensitivities of ``fit``."""
-        assert fit.jacobian is not None
-        assert fit.state_jacobians is not None
-        self._problem, self._states = problem, fit.state_jacobians
-        self._jacobian = project_states(problem, fit.state_jacobians, fit.jacobian)
-        normal = self._jacobian.T @ self._jacobian
-        scale = 1e-10 * np.trace(normal) / max(len(normal), 1)
-        self._normal = normal + np.diag(prior_weights(fit) + scale)
-
-    def __call__(self, table: NDArray[np.floating[Any]]) -> Array:
-        """The projection of ``table`` (rows, k)."""
-        left = project_states(self._problem, self._states, np.asarray(table, dtype=np.float64))
-        if self._jacobian.shape[1]:
-            left -= self._jacobian @ np.linalg.solve(self._normal, self._jacobian.T @ left)
-        return left
 
 
 def probe(
@@ -259,7 +239,7 @@ def score(problem: Problem, fit: Fit, signatures: Signatures, seed: int = 0) -> 
     The same scores of draws of residuals with the memory of this one say what the best of so many brings by chance;
     ``seed`` is theirs.
     """
-    complement = Complement(problem, fit)
+    complement = information(problem, fit).complement
     rng = np.random.default_rng([seed, 23])
     rest = complement(np.column_stack([fit.residual, draws_like(problem, fit.residual, CHANCE_DRAWS, rng)]))
     totals = np.einsum("ij,ij->j", rest, rest)
@@ -325,10 +305,10 @@ def _banks(
         scores, strengths = together(normal, right)
         np.maximum(shares, scores / np.maximum(totals, 1e-300), out=shares)
         if scores[0] - one > BANK_SHARE * (totals[0] - one):
-            acting = [k for k, strength in enumerate(strengths[:, 0]) if strength > 0.0]
-            elements = tuple(signatures.candidates[indices[k]].shape for k in acting)
+            # All of the grid: which elements act is told by the fit, far from where the scores are linear.
+            elements = tuple(signatures.candidates[k].shape for k in indices)
             bank = Candidate(signatures.candidates[indices[0]].plan, key[1], {}, elements)
-            own = tuple(float(strengths[k, 0]) for k in acting)
+            own = tuple(float(strength) for strength in strengths[:, 0])
             found.append(Scored(bank, float(scores[0]), own, float(scores[0] / max(totals[0], 1e-300)), np.inf))
     return found, shares
 

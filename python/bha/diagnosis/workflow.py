@@ -22,6 +22,7 @@ from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import Thresholds, decide, gap_test, tolerant, without_faults
 from bha.diagnosis.describe import describe
 from bha.diagnosis.fit import evaluate, whole_logs, with_sensitivities
+from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals
 from bha.diagnosis.noises import disturbed_outputs, mean_white_square
@@ -39,8 +40,10 @@ from bha.diagnosis.preparation import (
 from bha.diagnosis.refit import Trial
 from bha.diagnosis.repeats import repeats, with_repeat_noise
 from bha.diagnosis.result import Diagnosis
+from bha.diagnosis.rules import Rules
 from bha.diagnosis.screen import Signatures, probe, score
-from bha.diagnosis.select import Rules, Search, search
+from bha.diagnosis.search import Search
+from bha.diagnosis.select import search
 from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.where import locate
@@ -143,8 +146,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     held = list(holdout.readings.records)
     first = Trial((), plain_fit, holdout)
     prediction = first.prediction
-    noise_here = float(np.sqrt(np.mean(baseline.noise.floor**2)))
-    state = Search(first, first, rules, Readings(prepared.full), noise_here)
+    state = Search(first, first)
     if any(output.kind == "orientation" for log in logs for output in log.outputs):
         state.notes.append("orientations of heads take no part in a diagnosis, which weighs all outputs in metres")
     if len(logs) + len(holdout_logs) == 1:
@@ -178,7 +180,6 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
-    ranges = core_ranges()
     plans = [p for p in catalogue.available(kinds) if (heads or not p.needs_heads) and (lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     beside: Unlogged | None = None
@@ -188,7 +189,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         wanted = gap.significant and np.isfinite(gap.mean_square)
         beside = unlogged(problem, plain_fit, holdout, prediction, state.screening, seed) if wanted else None
         if wanted and not (beside is not None and beside.is_a_disturbance):
-            search(problem, holdout, signatures, ranges, rules, say, state)
+            search(Given(problem, holdout, signatures, core_ranges(), rules, noise_rms, say), state)
         else:
             # No gap, or one that follows nothing that was logged: there is nothing to be refitted.
             state.complete = True

@@ -49,7 +49,7 @@ class Policy:
             number no step is tried.
         bends: corrections by which a step is bent along a valley, at the most.
         full_first: whether the undamped step is tried first.
-        limit: greatest step of a coordinate; the rest of the step is shortened with it.
+        limit: greatest step of a coordinate, or of each; the rest of the step is shortened with it.
         renewals: how often kept derivatives may be taken anew; None: at every step.
         renew: coordinates by which kept derivatives are taken anew at every step in any case (those that enter most
             nonlinearly).
@@ -65,7 +65,7 @@ class Policy:
     rise: tuple[float, float, float] = (10.0, 1e-6, 1e8)
     bends: int = 3
     full_first: bool = True
-    limit: float = np.inf
+    limit: float | Array = np.inf
     renewals: int | None = None
     renew: tuple[int, ...] = ()
     weigh: Callable[[Problem, Point], Problem] | None = None
@@ -323,9 +323,9 @@ def _step(normal: Normal, point: Point, bounds: Array, policy: Policy, damping: 
     h, g = normal.reduced(damping)
     dz = bounded_step(h, g, bounds[:, 0] - point.z, bounds[:, 1] - point.z)
     states = normal.state_steps(dz, damping)
-    size = float(np.max(np.abs(dz), initial=0.0))
-    if size > policy.limit:
-        dz, states = dz * (policy.limit / size), states * (policy.limit / size)
+    over = float(np.max(np.abs(dz) / policy.limit, initial=0.0))
+    if over > 1.0:
+        dz, states = dz / over, states / over
     return np.clip(point.z + dz, bounds[:, 0], bounds[:, 1]), point.states + states
 
 

@@ -1,0 +1,116 @@
+"""Whom a round of the search refits: the candidates that promise most, and those that only a refit tells from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bha.diagnosis.given import Given
+from bha.diagnosis.refit import Trial, correlation_length
+from bha.diagnosis.screen import Scored, Screening
+
+Key = tuple[str, str]
+
+#: Kinds of one form that begin where the other's range of lengths ends.
+KIN = {"hysteresis": "friction", "friction": "hysteresis"}
+
+
+def contenders(
+    given: Given, current: Trial, screening: Screening, rivals: Sequence[Sequence[Trial]], enough: float
+) -> list[Scored]:
+    """The candidates that are refitted beside the effects of ``current``.
+
+    Args:
+        given: what the search is given.
+        current: the set that gets one more.
+        screening: of its residual.
+        rivals: the trials of earlier rounds.
+        enough: drop of the sum of squares that a further effect has to bring.
+    """
+    rules, ranking = given.rules, screening.ranking
+    count = rules.tried[0] if not current.candidates else rules.tried[1]
+    taken = [c.key for c in current.candidates]
+    effective = given.problem.rows / correlation_length(given.problem, current.fit.residual)
+    chosen = promising(ranking, taken, count, rules.per_kind, effective)
+    # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
+    least = max(0.5 * enough, rules.near * max((scored.score for scored in chosen), default=0.0))
+    chosen = [scored for scored in chosen if scored.score > least]
+    chosen = with_kin(chosen, ranking, taken)
+    if given.problem.restarts:
+        chosen = with_wider(chosen, ranking, taken)
+        chosen = with_rivals(chosen, ranking, taken, rivals)
+    return with_one_element(chosen, ranking)
+
+
+def promising(
+    ranking: Sequence[Scored], taken: Sequence[Key], count: int, per_kind: int, effective: float
+) -> list[Scored]:
+    """The best candidates by penalised score: one shape a place, few places a kind.
+
+    The penalty is Akaike's (1974): who is tried is no decision yet, and the one of the criterion, with an honest number
+    of independent readings, would let nobody be tried beside a slow residual.
+    """
+
+    def value(scored: Scored) -> float:
+        return -effective * float(np.log(max(1e-9, 1.0 - scored.share))) - 2.0 * scored.candidate.size
+
+    chosen: list[Scored] = []
+    kinds: dict[str, int] = {}
+    for scored in sorted(ranking, key=value, reverse=True):
+        key = scored.candidate.key
+        if key in taken or any(key == c.candidate.key for c in chosen) or value(scored) <= 0.0:
+            continue
+        if kinds.get(key[0], 0) >= per_kind:
+            continue
+        kinds[key[0]] = kinds.get(key[0], 0) + 1
+        chosen.append(scored)
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:
+    """``chosen`` with the kinds of the same form in the same places: only a refit tells stiction from hysteresis."""
+    result = list(chosen)
+    for scored in chosen:
+        kin = (KIN.get(scored.candidate.kind, ""), scored.candidate.where)
+        if kin not in [*taken, *(c.candidate.key for c in result)]:
+            result += [s for s in ranking if s.candidate.key == kin][:1]
+    return result
+
+
+def with_one_element(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> list[Scored]:
+    """``chosen`` with one element beside every bank: a refit tells whether its shape, fitted, does as well."""
+    result = list(chosen)
+    for scored in chosen:
+        if scored.candidate.bank:
+            result += [s for s in ranking if s.candidate.key == scored.candidate.key and not s.candidate.bank][:1]
+    return result
+
+
+def with_wider(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:
+    """``chosen``, each kind tried everywhere too: scores at a fit in a wrong valley tell less of the place."""
+    result = list(chosen)
+    for scored in chosen:
+        everywhere = (scored.candidate.kind, scored.candidate.plan.sorts[0])
+        known = [*taken, *(c.candidate.key for c in result)]
+        if scored.candidate.plan.parts and everywhere not in known:
+            result += [next(s for s in ranking if s.candidate.key == everywhere)]
+    return result
+
+
+def with_rivals(
+    chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key], rivals: Sequence[Sequence[Trial]]
+) -> list[Scored]:
+    """``chosen`` with the best of another kind from each earlier round.
+
+    A refit found it worth something; where the cost has several valleys, a score at the bottom of one of them does not
+    see it any more.
+    """
+    result = list(chosen)
+    for earlier in rivals:
+        kinds = {kind for kind, _ in (*taken, *(c.candidate.key for c in result))}
+        key = next((t.key[-1] for t in earlier if t.key[-1][0] not in kinds), None)
+        result += [s for s in ranking if s.candidate.key == key][:1]
+    return result

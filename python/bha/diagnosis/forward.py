@@ -1,0 +1,80 @@
+"""One effect after the other: each round refits those that promise most and takes the best in.
+
+An effect is taken in where the best of all candidates in all places would hardly bring as much by chance
+(:mod:`bha.diagnosis.screen`) and it explains enough of what the plain model or the set so far leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bha.diagnosis.abreast import abreast
+from bha.diagnosis.contenders import contenders
+from bha.diagnosis.given import Given
+from bha.diagnosis.ranking import by_criterion, in_order
+from bha.diagnosis.refit import Trial, added, refined
+from bha.diagnosis.rules import NOISE_LEFT
+from bha.diagnosis.screen import Scored, score
+from bha.diagnosis.search import Search, by_chance, gain
+
+
+def forward(given: Given, search: Search) -> None:
+    """Take in effects beside those of the best set until none is worth it."""
+    rules, problem, plain = given.rules, given.problem, search.plain.fit
+    excess = max(0.0, plain.squares - problem.rows)
+    while len(search.best.candidates) < rules.most:
+        current = search.best
+        known = search.screening if current is search.plain else None
+        screening = known or score(problem, current.fit, given.signatures)
+        search.screening = search.screening or screening
+        enough = min(rules.worth * excess, rules.rest * max(0.0, current.fit.squares - problem.rows))
+        share = f"{100.0 * enough / max(excess, 1e-9):.2g} % of the excess"
+        chosen = contenders(given, current, screening, search.rivals, enough)
+        if not chosen:
+            search.notes.append(f"no further candidate promises {share} error")
+            return
+        trials = tried(given, search, chosen)
+        if not trials:
+            return
+        search.rivals.append(trials)
+        best = trials[0]
+        chance = screening.chance(gain(current, best))
+        if chance > rules.enter:
+            search.notes.append(f"not taken in: {best.label}, {by_chance(chance)}")
+            return
+        if current.fit.squares - best.fit.squares < enough:
+            search.notes.append(f"not taken in: {best.label}, which removes less than {share}")
+            return
+        search.best = best
+        search.notes.append(f"taken in: {best.key[-1][0]} at {best.key[-1][1]}, {by_chance(chance)}")
+        if best.fit.squares / problem.rows < NOISE_LEFT and len(best.candidates) < rules.most:
+            search.notes.append("what is left is noise: no further effect is sought")
+            return
+
+
+def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]:
+    """The best set with each of ``chosen`` added, refitted; the best of them first."""
+    current, rules = search.best, given.rules
+    number = len(current.candidates) + 1
+
+    def say(k: int) -> None:
+        own = chosen[k].candidate
+        given.say(f"effect {number}: refitting {own.kind} at {own.where} ({k + 1} of {len(chosen)})")
+
+    refitted = abreast(
+        given.problem, lambda scored: added(given, current, scored.candidate, scored.strengths), chosen, say
+    )
+    trials = by_criterion([trial for trial in refitted if trial is not None], given.problem)
+    search.trials += trials
+    # The winner and a near runner-up once more: their step was chosen for the strength that was expected of them.
+    most = max((current.fit.squares - t.fit.squares for t in trials), default=0.0)
+    near = [t for k, t in enumerate(trials[:2]) if k == 0 or current.fit.squares - t.fit.squares > rules.refined * most]
+    finer = abreast(
+        given.problem,
+        lambda t: refined(given, t),
+        near,
+        lambda k: given.say(f"effect {number}: refining {near[k].label}"),
+    )
+    search.trials += finer
+    trials[: len(finer)] = finer
+    return in_order(given, current, search.plain.fit.trust, trials)

@@ -1,0 +1,58 @@
+"""Thresholds of the search for effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: Mean square of the white residual below which what is left is noise.
+NOISE_LEFT = 1.02
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Thresholds of the search; measured on tuning seeds, see docs/explanation/diagnosis.md.
+
+    Attributes:
+        most: most effects.
+        tried: candidates that are refitted in the first round, and in later ones.
+        per_kind: candidates of one kind among them.
+        enter: greatest probability that the best of all candidates brings as much by chance, with which an effect is
+            taken in: a true one stands out less while others are still missing.
+        chance: the same with which it stays, and with which a further element of it is taken in.
+        confirmed: an effect that is likelier by chance than that, though not than ``enter``, stays if it removes this
+            share of the plain model's excess on the held-out logs.
+        swap: drop of the criterion that swaps an effect for a look-alike.
+        even: distance of the criterion within which the better prediction of left-out training logs decides.
+        share: least share of the plain model's excess error on left-out training logs that it has to remove.
+        worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        rest: least share of what the effects so far leave of that excess; reaching this one is enough, too: beside a
+            strong effect a weaker one counts that explains much of what the strong one does not.
+        near: a candidate is refitted if it promises at least this share of what the best one does.
+        like: the same for a look-alike against what it would replace.
+        bound: a candidate on a bound gives way to one that is not and brings at least this share of its gain.
+        element: least share of what is left of the excess error, on training logs as they are fitted and as they are
+            left out, that a further branch or stage has to remove.
+        refined: a runner-up is refined too if it brings at least this share of what the first one brings.
+        narrow: share of its gain by which a narrower place has to be better, where the cost has several valleys.
+        open: share of the plain model's excess on the training logs above which the effects found leave so much that
+            the search begins again from a runner-up of the first round.
+    """
+
+    most: int = 4
+    tried: tuple[int, int] = (4, 3)
+    per_kind: int = 2
+    enter: float = 0.05
+    chance: float = 0.01
+    confirmed: float = 0.3
+    swap: float = 4.0
+    even: float = 6.0
+    share: float = 0.025
+    worth: float = 0.02
+    rest: float = 0.3
+    near: float = 0.25
+    like: float = 0.6
+    bound: float = 0.8
+    element: float = 0.1
+    refined: float = 0.7
+    narrow: float = 0.2
+    open: float = 0.1

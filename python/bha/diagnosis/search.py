@@ -1,0 +1,56 @@
+"""A search for effects on its way: what it has found so far, and how likely that is by chance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from bha.diagnosis.fit import Problem
+from bha.diagnosis.refit import Trial
+from bha.diagnosis.screen import Screening, Signatures, score
+
+
+@dataclass
+class Search:
+    """What a search has found so far; filled as it goes on, so that an interrupted one leaves it.
+
+    Attributes:
+        plain: the plain model.
+        best: the best set so far.
+        screening: the screening of the plain residual.
+        trials: all refitted sets.
+        rivals: for every round its trials with one more effect than before, best first.
+        notes: what was decided and why.
+        whole: the set that was last pruned.
+        smaller: that set without each of its effects.
+        doubtful: effects that stay if the held-out logs confirm them, with how likely they are by chance.
+        chosen: the best set before further elements of its effects were sought: what rivals are compared with.
+        complete: whether the search came to its end.
+    """
+
+    plain: Trial
+    best: Trial
+    screening: Screening | None = None
+    trials: list[Trial] = field(default_factory=list)
+    rivals: list[list[Trial]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    whole: Trial | None = None
+    smaller: dict[tuple[str, str], Trial] = field(default_factory=dict)
+    doubtful: dict[tuple[str, str], float] = field(default_factory=dict)
+    chosen: Trial | None = None
+    complete: bool = False
+
+
+def gain(smaller: Trial, larger: Trial) -> float:
+    """Drop of the sum of squares from one set to another; their priors count as data."""
+    before, after = (t.fit.squares + t.fit.prior * t.fit.trust for t in (smaller, larger))
+    return before - after
+
+
+def told(problem: Problem, signatures: Signatures, rival: Trial, chosen: Trial) -> float:
+    """How likely the chosen set were so much better by chance, were its rival right: p-value over all candidates."""
+    return score(problem, rival.fit, signatures).chance(gain(rival, chosen))
+
+
+def by_chance(chance: float) -> str:
+    """A p-value in words."""
+    return f"the best of all candidates brings as much by chance with p = {chance:.3f}"

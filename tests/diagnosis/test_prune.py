@@ -1,0 +1,50 @@
+"""What held-out logs refute."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bha.diagnosis.holdout import Prediction
+from bha.diagnosis.prune import certify
+from bha.diagnosis.rules import Rules
+from bha.diagnosis.search import Search
+
+CREEP, HYSTERESIS = ("creep", "all"), ("hysteresis", "all")
+
+
+def trial(rms: float, *keys: tuple[str, str]) -> Any:
+    """A set of effects that errs by ``rms`` mm on ten blocks of held-out logs."""
+    squares = np.full(10, 10.0 * (1e-3 * rms) ** 2)
+    prediction = Prediction((), (), np.empty(0), squares, squares, np.full(10, 10), 0.0, ())
+    return SimpleNamespace(key=keys, candidates=keys, prediction=prediction)
+
+
+def searched(best: Any, smaller: dict[tuple[str, str], Any], plain: Any) -> Search:
+    return Search(plain, best, whole=best, smaller=smaller)
+
+
+@pytest.mark.parametrize(("without_hysteresis", "kept"), [(1.5, [CREEP]), (3.0, [CREEP, HYSTERESIS])])
+def test_a_name_without_which_held_out_logs_are_predicted_better_is_none(
+    without_hysteresis: float, kept: list[tuple[str, str]]
+) -> None:
+    plain, creep = trial(5.0), trial(without_hysteresis, CREEP)
+    best = trial(2.0, CREEP, HYSTERESIS)
+    search = searched(best, {CREEP: trial(4.0, HYSTERESIS), HYSTERESIS: creep}, plain)
+    given: Any = SimpleNamespace(rules=Rules(), noise=1e-4, say=lambda text: None)
+    if kept == [CREEP]:
+        # Alone it stays: of one effect the closure decides.
+        creep.candidates = ()
+    certify(given, search)
+    assert search.best is (creep if kept == [CREEP] else best)
+
+
+@pytest.mark.parametrize(("after", "stays"), [(4.9, False), (2.0, True)])
+def test_an_effect_that_may_be_there_by_chance_stays_if_held_out_logs_confirm_it(after: float, stays: bool) -> None:
+    plain, best = trial(5.0), trial(after, CREEP)
+    search = searched(best, {CREEP: plain}, plain)
+    search.doubtful[CREEP] = 0.04
+    given: Any = SimpleNamespace(rules=Rules(), noise=1e-4, say=lambda text: None)
+    certify(given, search)
+    assert search.best is (best if stays else plain)
