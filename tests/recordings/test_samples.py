@@ -192,3 +192,27 @@ def test_stamps_that_scatter_about_even_samples_are_mended_and_others_are_not() 
     assert np.array_equal(clock.mended(stamps, measured(even, 2e-2))[0], stamps)
     assert clock.mended(even, measured(even, 2e-4))[1].scatter == 0.0
     assert clock.mended(np.delete(stamps, slice(300, 340)), measured(even, 2e-4)[:1460])[1].scatter == 0.0
+
+
+def test_a_coarse_channel_that_has_stopped_is_told_by_the_jump_at_its_end() -> None:
+    rng = np.random.default_rng(12)
+    time = np.arange(3000) * 0.02
+    # Steps that an arm follows slowly, on a grid of many times the noise: it stands still for seconds between them.
+    levels = np.repeat(0.2 + 0.03 * (np.arange(12) % 2), 250)
+    motion = levels[:1].repeat(3000)
+    for k in range(1, 3000):
+        motion[k] = motion[k - 1] + 0.02 / 0.35 * (levels[k] - motion[k - 1])
+    grid = 1e-3
+    clean = np.round((motion + 5e-5 * rng.standard_normal(3000)) / grid) * grid
+    facts, usable = samples.judge(time, "q11", "m", clean)
+    assert not facts.dropouts
+    assert usable.all()
+    stopped = clean.copy()
+    # From before a step until the arm has moved by most of it; and while it stands, which nothing tells or spoils.
+    for first, last in ((740, 790), (1490, 1540), (2200, 2240)):
+        stopped[first:last] = stopped[first]
+    facts, usable = samples.judge(time, "q11", "m", stopped)
+    assert [round(end / 0.02) for _, end in facts.dropouts] == [790, 1540]
+    assert not usable[751:790].any()
+    assert not usable[1501:1540].any()
+    assert usable[1541:].all()

@@ -6,8 +6,8 @@ away and comes back within a few rows shows something else than the arm (a marke
 
 Which repeats come from holding and which from a coarse grid is told by the large changes: a value that has moved by
 many grid steps has done so in one row only if the rows before were held.
-Limits: spikes of at most three readings, small ones of one; no dropouts of channels so coarse that they stand still
-whenever the arm does.
+Limits: spikes of at most three readings, small ones of one; of channels so coarse that they stand still whenever the
+arm does, dropouts of dense readings alone, and only such as end in a jump.
 """
 
 from __future__ import annotations
@@ -46,6 +46,9 @@ LONE_INTERVAL, LONE_MISSES, LONE_NOISES = 0.025, 12.0, 12.0
 MOST_SPIKES = 0.02
 #: A sensor that holds its reading does so for no longer than this, usually, s.
 LONGEST_HOLD = 0.25
+#: A coarse channel that has stopped goes on with so many steps of its grid at once, so many times what comes in one of
+#: the rows after.
+JUMP_STEPS, JUMP_TIMES, _AFTER = 3, 1.9, 5
 #: Fewest changes from which holding is told, and share of the largest changes that are looked at.
 _FEWEST_CHANGES, _LARGEST = 10, 0.3
 
@@ -153,6 +156,8 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
     if chords is not None:
         readings = chords
     dropped = _dropouts(at, given, fresh, held=held, step=step) if measured and chords is None else []
+    if measured and chords is None and not held and unit != "Pa" and not dropped:
+        dropped = _stopped(at, given, fresh, step)
     lost = np.zeros(len(given), dtype=np.bool_)
     for first, last in dropped:
         lost[first:last] = True
@@ -228,6 +233,23 @@ def _dropouts(time: Array, values: Array, fresh: NDArray[np.intp], *, held: bool
     if np.sum(lengths[found]) > 0.5 * len(values):
         return []
     return [(int(fresh[k]) + 1, int(ends[k])) for k in found]
+
+
+def _stopped(time: Array, values: Array, fresh: NDArray[np.intp], step: float) -> list[tuple[int, int]]:
+    """Rows ``(first, last)`` of standstills of a coarse channel that end in a jump after which it goes on as slowly.
+
+    What has mass sets out by one step of a grid after the other, where readings are dense.
+    """
+    if step <= 0.0 or len(fresh) < _FEWEST_CHANGES or float(np.median(np.diff(time))) > LONE_INTERVAL:
+        return []
+    size = np.append(np.abs(np.diff(values)), np.zeros(_AFTER))
+    found = []
+    for begin, end in pairwise(fresh):
+        jump, goes_on = size[end - 1], float(np.max(size[end : end + _AFTER]))
+        stood = time[end] - time[begin] > DROPOUT_SECONDS
+        if stood and jump > (JUMP_STEPS - 0.5) * step and jump > JUMP_TIMES * goes_on:
+            found.append((int(begin) + 1, int(end)))
+    return found
 
 
 def _chance_of_repeat(lengths: NDArray[np.intp]) -> float:
