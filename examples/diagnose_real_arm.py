@@ -103,7 +103,7 @@ def tip_errors(outcome: Investigation, trial: Trial) -> str:
     """RMS error of the tip's position on each held-out log, mm."""
     parts = []
     for name, record, y in zip(HELD_OUT, outcome.holdout.problem.records, trial.prediction.outputs, strict=True):
-        distance = np.linalg.norm((y - record.outputs)[:, -3:], axis=1)
+        distance = np.linalg.norm((y - record.measured)[:, -3:], axis=1)
         parts.append(f"{name} {1e3 * np.sqrt(np.mean(distance**2)):.1f}")
     return ", ".join(parts)
 

@@ -27,10 +27,10 @@ def diagnosed(factors: dict[str, float]) -> Diagnosis:
 def refuse_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     """A simulation that diverges from the file's values, as one of an arm that rings does."""
 
-    def fitted(*arguments: Any) -> Baseline:
+    def fitted(*arguments: Any, **starts: Any) -> Baseline:
         if not arguments[-1]:
             raise ConvergenceError("the simulation diverges")
-        return fit_baseline(*arguments)
+        return fit_baseline(*arguments, **starts)
 
     monkeypatch.setattr(plain, "fit_baseline", fitted)
 

@@ -235,8 +235,10 @@ def with_damping(model: Model, x: Array, factor: float) -> Array:
     return np.array([v if d is None else d for v, d in zip(x, damped, strict=True)])
 
 
-def _damped_fit(model: Model, prepared: Prepared, problem: Problem) -> tuple[Array, list[Array]]:
-    """Plain parameters and initial states of a stiff arm from whole logs, from several dampings; the best fit counts.
+def _damped_fit(
+    model: Model, prepared: Prepared, problem: Problem, starts: Sequence[Array]
+) -> tuple[Array, list[Array]]:
+    """Plain parameters and initial states of a stiff arm from whole logs, from several starts; the best fit counts.
 
     What is damped more than it weighs does not run away, so that whole logs can be fitted. Pieces would mislead: an arm
     that hardly moves fits each of them, from its own start, whatever the springs. How strong the damping is no swing
@@ -245,8 +247,7 @@ def _damped_fit(model: Model, prepared: Prepared, problem: Problem) -> tuple[Arr
     nominal = evaluate(problem, model, np.zeros(model.size), prepared.states)
     quick = _integrated_for(model, prepared, nominal, problem)
     fits = []
-    for factor in STIFF_DAMPINGS:
-        x = with_damping(model, np.zeros(model.size), factor)
+    for x in starts:
         fit = evaluate(problem, quick, x, prepared.states)
         if np.isfinite(fit.cost):
             fits.append(improve(problem, fit, iterations=40, tolerance=1e-3, renewals=12, limit=FAR))
@@ -273,11 +274,14 @@ def fit_baseline(
     cache: Cache | None = None,
     scatter: Array | None = None,
     label: str = "",
+    *,
+    starts: Sequence[Array] = (),
 ) -> Baseline:
     """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
 
     ``model`` is on the thinned logs; ``scatter`` is what sets logs apart that begin alike, m, shape (channels,);
-    ``label`` tells the fits of one cache apart.
+    ``label`` tells the fits of one cache apart; ``starts`` are coordinates from which a stiff arm is fitted. Where
+    there are none, factors on the file's damping are tried, here and in every fit that follows.
 
     Raises:
         ConvergenceError: the nominal arm diverges under these logs.
@@ -293,7 +297,8 @@ def fit_baseline(
     shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
     known = cache.get("rough" + label, shapes)
     if known is None:
-        x, states = _damped_fit(model, prepared, problem) if stiff else _pieces_fit(model, prepared, rough)
+        first = starts or [with_damping(model, np.zeros(model.size), factor) for factor in STIFF_DAMPINGS]
+        x, states = _damped_fit(model, prepared, problem, first) if stiff else _pieces_fit(model, prepared, rough)
         if any(of_camera(c) for c in model.plain) and not stiff:
             x, states = _with_file_camera(model, prepared, problem, rough, (x, states))
         cache.put("rough" + label, x=x, states=np.array(states))
@@ -321,7 +326,7 @@ def fit_baseline(
         if np.all(bound.factors > SAME_NOISE * before.factors):
             break
         bound = replace(bound, factors=np.minimum(bound.factors, before.factors))
-    if stiff:
+    if stiff and not starts:
         problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
     shaken = mean_white_square(problem, made)
     return Baseline(problem, noise, with_sensitivities(problem, fit), prepared, shaken, before)

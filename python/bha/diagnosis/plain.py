@@ -22,7 +22,7 @@ from bha.diagnosis.baseline import Baseline, fit_baseline, prepare_runs
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.decide import faults_in_words
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.valves import begun, coordinates_of, with_valves
+from bha.diagnosis.valves import Start, at, begun, coordinates_of, starts_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
 from bha.estimation.begin import begin
 from bha.estimation.free import apply, resolve
@@ -115,9 +115,12 @@ def fit_plain(
     """
 
     def fitted(start: Arm, label: str) -> Plain:
+        starts: list[Start] = []
         if commanded:
             tell("looking for lag and dead time of the commands", None)
-            start = begun(with_valves(start), train, threads)
+            start = with_valves(start)
+            if starts := starts_of(start, train, threads):
+                start = begun(start, starts[0])
         acting = start if commanded else start.with_changes(pneumatics="ideal")
         valves = coordinates_of(acting.parameters) if commanded else ()
         model = replace(plain_model(acting, camera=camera, more=valves), integration=Integration(threads=threads))
@@ -125,7 +128,8 @@ def fit_plain(
         prepared = prepare_runs(model, train)
         model = replace(model.on(prepared.records), integration=prepared.integration(threads))
         tell("re-identifying the plain model", None)
-        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label), bool(label))
+        begins = [at(model, own) for own in starts]
+        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins), bool(label))
 
     first: Plain | None = None
     why: ConvergenceError | None = None

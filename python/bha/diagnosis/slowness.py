@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve
 from bha.diagnosis.model import is_damping
 from bha.diagnosis.result import Alternative, Diagnosis, Effect, Number, SlowSection
+from bha.diagnosis.valves import is_of_valves
 from bha.diagnosis.words import slow_in_words
 from bha.errors import BhaError, ConvergenceError
 from bha.estimation.apart import mean_pressures
@@ -76,8 +77,13 @@ def _places(model: Model, path: str) -> int:
 
 
 def lag_of(model: Model, x: Array) -> tuple[slice, float] | None:
-    """Where the lag of all inputs stands among the coordinates, and its time, s; None where there is not one."""
+    """Where the lag of all inputs stands among the coordinates, and its time, s; None where there is not one.
+
+    Beside that of the plain model another one is a further stage.
+    """
     lags = [k for k, effect in enumerate(model.effects) if effect.kind == LAG]
+    if any(is_of_valves(c) for c in model.plain):
+        return None
     if len(lags) != 1 or (model.effects[lags[0]].where != "all" and model.sections > 1):
         return None
     place = model.place(lags[0])

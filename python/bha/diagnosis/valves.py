@@ -12,8 +12,8 @@ from the file alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
-from bha.diagnosis.model import coordinate
+from bha.diagnosis.model import coordinate, is_damping
 from bha.diagnosis.result import Effect, Number
 from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
 from bha.estimation.asked import LATEST
 from bha.estimation.dynamics import trials
 from bha.estimation.engine import Model
-from bha.estimation.free import apply, resolve
+from bha.estimation.free import resolve
 from bha.estimation.lags import GREATEST, LEAST, PATHS, START
 from bha.estimation.runs import Integration
 from bha.estimation.terms import number_of
@@ -51,8 +51,10 @@ NUMBERS = {
 #: How far they plausibly are from where they begin: a lag's logarithm, and a dead time, s.
 LAG_SPREAD, DELAY_SPREAD = 2.0, 0.1
 #: Lags and dead times from which the fit may begin, s, and factors on the file's damping at which they are tried.
-LAGS, DELAYS, DAMPINGS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), (0.0, 0.05, 0.1, 0.2), (0.2, 1.0, 4.0)
+LAGS, DELAYS, DAMPINGS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), (0.0, 0.05, 0.1, 0.2), (0.2, 1.0, 5.0, 30.0)
 
+#: How many of them are fitted.
+STARTS = 2
 #: A time of less than this, s, is none.
 SHORTEST = 4e-3
 
@@ -94,23 +96,50 @@ def is_of_valves(own: Coordinate) -> bool:
     return own.name in NUMBERS.values()
 
 
-def begun(arm: Arm, records: Sequence[Record], threads: int | None) -> Arm:
-    """The arm with the lag and the dead time that simulations of its logs like best, of a grid of them.
+@dataclass(frozen=True)
+class Start:
+    """Where a plain fit may begin: times of valves by their paths, s, and the factor on the file's dampings."""
 
-    Dampings are tried at some factors beside, for they take what a lag leaves; what is found of them is not kept.
+    times: Mapping[str, float]
+    damping: float
+
+
+def starts_of(arm: Arm, records: Sequence[Record], threads: int | None) -> list[Start]:
+    """Lags and dead times that simulations of the logs like best, of a grid of them: the best first, most ``STARTS``.
+
+    Dampings take what a lag leaves. How the two divide an arm's slowness only fits tell: the starts differ in damping.
     """
     valves = coordinates_of(arm.parameters)
-    if not valves:
-        return arm
     dampings = resolve(arm.parameters, [f"section.{k + 1}.damping" for k in range(arm.section_count)])
     free = (*valves, *dampings)
     model = Model(arm.parameters, free, tuple(records), Integration(threads=threads))
-    points = []
+    points, starts = [], []
     for late, lag, factor in product(DELAYS, LAGS, DAMPINGS):
-        values = [factor * c.start if c in dampings else late if number_of(c) == "time" else lag for c in free]
+        times = {c.path: late if number_of(c) == "time" else lag for c in valves}
+        values = [times.get(c.path, factor * c.start) for c in free]
         points.append(np.array([c.coordinate(value) for c, value in zip(free, values, strict=True)]))
-    best = min(trials(model, points, whole=True), key=lambda trial: trial.merit)
-    return arm.with_parameters(apply(arm.parameters, valves, best.z[: len(valves)])) if np.isfinite(best.merit) else arm
+        starts.append(Start(times, factor))
+    found: list[Start] = []
+    for trial, start in sorted(zip(trials(model, points, whole=True), starts, strict=True), key=lambda t: t[0].merit):
+        if np.isfinite(trial.merit) and all(start.damping != other.damping for other in found):
+            found.append(start)
+    return found[:STARTS]
+
+
+def begun(arm: Arm, start: Start) -> Arm:
+    """The arm with these times of its valves."""
+    return arm.with_parameters(paths.with_values(arm.parameters, start.times))
+
+
+def at(model: Model, start: Start) -> Array:
+    """Coordinates of a plain model at a start, all else as its file has it."""
+    x = np.zeros(model.size)
+    for k, own in enumerate(model.plain):
+        if is_damping(own):
+            x[k] = own.coordinate(start.damping * own.start)
+        elif own.path in start.times:
+            x[k] = own.coordinate(start.times[own.path])
+    return x
 
 
 def without_valves(model: Model) -> Model:
