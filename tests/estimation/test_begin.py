@@ -125,7 +125,8 @@ def test_a_lag_is_free_under_commands_only() -> None:
     assert none == ()
     commanded = [record(arm, log_of(arm, 1, commanded=True, duration=6.0))]
     lagging, free = with_lag(arm, commanded)
-    assert [f.path for f in free] == ["pneumatics.fill_time", "pneumatics.vent_time"]
+    assert [f.path for f in free] == ["pneumatics.fill_time", "pneumatics.vent_time", "effect.1.time"]
+    assert lagging.parameters.effects[0].kind == "delay"
     assert paths.get_value(lagging.parameters, "pneumatics.vent_time") > 0
 
 

@@ -26,7 +26,7 @@ from bha.diagnosis.valves import Start, at, begun, coordinates_of, starts_of, wi
 from bha.errors import BhaError, ConvergenceError, InputError
 from bha.estimation.begin import begin
 from bha.estimation.free import apply, resolve
-from bha.estimation.lags import PATHS, with_lag
+from bha.estimation.lags import is_of_commands, with_lag
 from bha.estimation.records import Record
 from bha.estimation.refinement import remembers
 from bha.estimation.runs import Integration
@@ -155,7 +155,7 @@ def fit_plain(
 def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bool) -> Arm | None:
     """The arm from which an identification of these logs would begin; None where that is the file's.
 
-    Of commands without their lag, which is looked for anew from there.
+    Of commands without their lag and dead time, which are looked for anew from there.
     """
     try:
         lagging, lags = with_lag(arm, train) if commanded else (arm, ())
@@ -163,7 +163,7 @@ def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bo
         found = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
         if found.from_file:
             return None
-        coordinates = resolve(arm.parameters, [f for f in found.free if f.path not in PATHS])
+        coordinates = resolve(arm.parameters, [f for f in found.free if not is_of_commands(f.path)])
         moved = apply(arm.parameters, coordinates, np.zeros(len(coordinates)))
         return arm.with_parameters(_with_free_areas(moved, arm.parameters))
     except BhaError:

@@ -24,11 +24,10 @@ from bha.arm import Arm
 from bha.diagnosis.model import coordinate, is_damping
 from bha.diagnosis.result import Effect, Number
 from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
-from bha.estimation.asked import LATEST
 from bha.estimation.dynamics import trials
 from bha.estimation.engine import Model
 from bha.estimation.free import resolve
-from bha.estimation.lags import GREATEST, LEAST, PATHS, START
+from bha.estimation.lags import GREATEST, LATEST, LEAST, PATHS, START
 from bha.estimation.runs import Integration
 from bha.estimation.terms import number_of
 from bha.parameters import paths

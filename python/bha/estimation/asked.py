@@ -1,4 +1,4 @@
-"""What is free beyond the defaults where logs ask for it: chambers that are not alike, and a dead time of commands.
+"""What is free beyond the defaults where logs ask for it: curved springs, chambers that are not alike, what creeps.
 
 Nearly every arm is a little of both, but a number that logs do not need takes part in every combination that they do
 not tell. These are therefore tried only where the defaults leave more than the noise, and kept where simulations from
@@ -7,8 +7,7 @@ the new start leave clearly less (:mod:`bha.estimation.begin`):
 - second and third powers of springs of which the file states one number;
 - gains of single inputs (areas of their chambers, sensors, regulators: they act alike) and azimuths of single chambers;
 - preloads of the sections, log by log, told by where each log begins (:mod:`bha.estimation.preload`), and with them
-  areas that change with the length of a chamber, as those of fabric do;
-- under commands a dead time of all inputs, in place of a part of their lag.
+  areas that change with the length of a chamber, as those of fabric do.
 
 Offsets of single inputs and rest lengths of single chambers hold the arm bent, as a turned camera shows it: with heads
 alone they are not told from it and are not tried.
@@ -20,18 +19,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from bha.estimation.free import Coordinate, FreeParameter
-from bha.estimation.lags import PATHS
+from bha.estimation.free import FreeParameter
 from bha.estimation.preload import with_preloads
 from bha.estimation.scale import curved
 from bha.estimation.statics import TURN
 from bha.parameters import ArmParameters, paths
 from bha.recordings.beginning import KIND as PRELOAD
-
-Array = NDArray[np.float64]
 
 #: Standard deviations of what chambers differ by: gain, and azimuth in rad.
 GAIN, AZIMUTH = 0.1, math.radians(5.0)
@@ -40,9 +33,6 @@ AREA = "effective_area"
 POWERS = 3
 #: Standard deviation of what an area changes by in itself for each metre of length: a seventh for a centimetre.
 BY_LENGTH = 15.0
-#: Dead times that are tried, s, the least and greatest that are sought, and the deviation of the prior's logarithm.
-DELAYS = (0.02, 0.05, 0.1, 0.2)
-_LEAST, LATEST, _DEVIATION = 1e-4, 2.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -148,33 +138,3 @@ def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | st
             more.append(FreeParameter(path, prior=(bellows.angle, AZIMUTH), logarithmic=False, scale=AZIMUTH))
     said = "chambers are not alike: gains of inputs (effect pressure_gain) and azimuths of chambers were added"
     return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, True)
-
-
-def dead_time(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
-    """A dead time of all inputs; None where there is one already."""
-    if any(effect.kind == "delay" for effect in parameters.effects):
-        return None
-    mapping = parameters.to_mapping()
-    effects = [*mapping.get("effect", []), {"kind": "delay", "where": "all", "time": DELAYS[0]}]
-    path, prior = f"effect.{len(effects)}.time", (DELAYS[0], _DEVIATION * DELAYS[0])
-    late = FreeParameter(path, lower=_LEAST, upper=LATEST, prior=prior, logarithmic=True)
-    said = "commands act after a dead time (effect delay), which was added"
-    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, late), said, False)
-
-
-def delayed(coordinates: Sequence[Coordinate], z: Array) -> list[Array]:
-    """Points like ``z`` with dead times, each with the lag as it is and shorter by as much."""
-    made: list[Array] = []
-    if not any(c.path.startswith("effect.") and c.path.endswith(".time") for c in coordinates):
-        return made
-    for delay in DELAYS:
-        for share in (0.0, 1.0):
-            point = z.copy()
-            for k, coordinate in enumerate(coordinates):
-                if coordinate.path.startswith("effect.") and coordinate.path.endswith(".time"):
-                    point[k] = coordinate.coordinate(delay)
-                elif coordinate.path in PATHS:
-                    lag = coordinate.value(float(z[k])) - share * delay
-                    point[k] = coordinate.coordinate(max(lag, coordinate.lower))
-            made.append(point)
-    return made

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
-from bha.estimation.asked import Asked, curved_springs, dead_time, delayed, material_that_creeps, unlike_chambers
+from bha.estimation.asked import Asked, curved_springs, material_that_creeps, unlike_chambers
 from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
 from bha.estimation.dynamics import LITTLE, Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
-from bha.estimation.lags import PATHS
+from bha.estimation.lags import PATHS, delayed
 from bha.estimation.preload import preloads_of
 from bha.estimation.records import Record
 from bha.estimation.runs import Integration
@@ -39,6 +39,8 @@ _ACROSS = ("across", "length")
 _GAIN, _AT_NOISE = 0.05, 0.5 * math.log(2.0)
 #: How many of the best points are simulated over whole logs where these must be better.
 _BEST = 4
+#: How many of the best points are tried with dead times of commands.
+_LATE = 3
 #: Part by which areas change over half of the range of lengths from which on forces must be those of their work.
 _AREAS = 0.25
 #: An arm that lags longer than this, s, creeps rather than swings.
@@ -162,6 +164,8 @@ def _searched(arm: Arm, free: Sequence[FreeParameter | str], model: Model, *, wh
                 points += valleys(coordinates, model, z, fit.lag(*_ACROSS) if _lagging(coordinates) else None)
             points += seen_times(coordinates, model, z, partial(_times, fit, mean_pressures(records)))
     tried = sorted(trials(model, points, whole=whole), key=lambda trial: trial.merit)
+    if late := [point for trial in tried[:_LATE] for point in delayed(coordinates, trial.z)]:
+        tried = sorted([*tried, *trials(model, late, whole=whole)], key=lambda trial: trial.merit)
     return _Found(arm, tuple(free), coordinates, statics, tuple(tried))
 
 
@@ -172,9 +176,8 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
     # A second look with nothing more is what more freedom is held against.
     again = _asked(found, Asked(found.arm.parameters, found.free, "", True), model, whole=whole)
     found = again if again is not None and again.tried[0].merit < found.tried[0].merit else found
-    commanded = any(rec.drive.commanded for rec in records)
-    for ask in (curved_springs, material_that_creeps, unlike_chambers, dead_time):
-        if not _fits(ask, held=preloads_of(found.arm.parameters) is not None, commanded=commanded):
+    for ask in (curved_springs, material_that_creeps, unlike_chambers):
+        if not _fits(ask, held=preloads_of(found.arm.parameters) is not None):
             continue
         asked = ask(found.arm.parameters, found.free)
         more = None if asked is None else _step_by_step(found, asked, model, whole=whole)
@@ -217,15 +220,13 @@ def _over_whole_logs(found: _Found, model: Model) -> list[Trial]:
     return sorted(trials(model, points, whole=True), key=lambda trial: trial.merit)
 
 
-def _fits(ask: Callable[..., Asked | None], *, held: bool, commanded: bool) -> bool:
+def _fits(ask: Callable[..., Asked | None], *, held: bool) -> bool:
     """Whether something is asked of an arm that is, or is not, held beside its springs.
 
     One that stands elsewhere after each use is of a material that creeps: its areas give way, and what its chambers
     differ by does not carry over to other motions (docs/decisions/0012).
     """
-    if ask is unlike_chambers:
-        return not held
-    return commanded or ask is not dead_time
+    return not held or ask is not unlike_chambers
 
 
 def _step_by_step(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found | None:

@@ -1,25 +1,26 @@
-"""The lag of commanded pressures as ordinary free parameters: time constants of filling and venting.
+"""Lag and dead time of commanded pressures as ordinary free parameters: time constants of filling and venting, a delay.
 
-A chamber follows its command as p' = (command - p) / T. Under measured pressures the pneumatics are left out, and so is
-this. An overdamped arm under commands follows through two lags in a row, that of its pressures and its own, damping
-over stiffness; what is told of the two is the time S that they have together. The lag alone comes from how the response
-bends, which is their product P: lag = (S + sqrt(S^2 - 4 P)) / 2, so that an error of P, dP / P, becomes
-dP / P * own / (lag - own). No model's form is right to more than about a tenth of P (inertia, a second lag), and the
-lag counts as told where that comes to no more than a tenth: where it is twice the own time of every motion.
+A chamber follows its command as p' = (command - p) / T, after the dead time of bus, valve and hose. Under measured
+pressures the pneumatics are left out, and so is this. An overdamped arm under commands follows through two lags in a
+row, that of its pressures and its own, damping over stiffness; what is told of the two is the time S that they have
+together. The lag alone comes from how the response bends, which is their product P: lag = (S + sqrt(S^2 - 4 P)) / 2, so
+that an error of P, dP / P, becomes dP / P * own / (lag - own). No model's form is right to more than about a tenth of P
+(inertia, a second lag), and the lag counts as told where that comes to no more than a tenth: where it is twice the own
+time of every motion.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import KIND, rates
-from bha.estimation.free import FreeParameter
+from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.records import Record
 
 #: The time constants: paths, and how far (as a factor's logarithm, in deviations of the prior) nobody knows them.
@@ -27,6 +28,8 @@ PATHS = ("pneumatics.fill_time", "pneumatics.vent_time")
 #: Start where the file gives none, s, and the range in which they are sought.
 START, LEAST, GREATEST = 0.1, 2e-3, 20.0
 _DEVIATION = 2.0
+#: Dead times that are tried, s, the greatest that is sought, and the standard deviation of its prior about none, s.
+DELAYS, LATEST, DELAY_SPREAD = (0.02, 0.05, 0.1, 0.2), 2.0, 0.1
 #: Standard error of a lag, in itself, below which it counts as told, and how many own times it must be.
 TOLD, APART = 0.1, 2.0
 
@@ -80,7 +83,7 @@ def common_with(
 
 
 def with_lag(arm: Arm, records: Sequence[Record]) -> tuple[Arm, tuple[FreeParameter, ...]]:
-    """The arm with a lag of its commanded pressures, and its free parameters.
+    """The arm with a lag and a dead time of its commanded pressures, and their free parameters.
 
     The same arm and none where no record is driven by commands, and where the file says the full pneumatics.
     """
@@ -99,7 +102,40 @@ def with_lag(arm: Arm, records: Sequence[Record]) -> tuple[Arm, tuple[FreeParame
         for name, value in stated.items()
         if name not in published
     ]
+    if not any(effect.kind == "delay" for effect in arm.parameters.effects):
+        arm = arm.with_effects([*arm.parameters.effects, {"kind": "delay", "where": "all", "time": 0.0}])
+        path = f"effect.{len(arm.parameters.effects)}.time"
+        late = FreeParameter(path, lower=0.0, upper=LATEST, prior=(0.0, DELAY_SPREAD), logarithmic=False)
+        free.append(replace(late, scale=DELAY_SPREAD))
     return arm, tuple(free)
+
+
+def is_dead_time(path: str) -> bool:
+    """Whether a number is the dead time of commands."""
+    return path.startswith("effect.") and path.endswith(".time")
+
+
+def is_of_commands(path: str) -> bool:
+    """Whether a number is of what lies between a command and its chamber."""
+    return path in PATHS or is_dead_time(path)
+
+
+def delayed(coordinates: Sequence[Coordinate], z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Points like ``z`` with dead times, each with the lag as it is and shorter by as much; none where none is free."""
+    made: list[NDArray[np.float64]] = []
+    if not any(is_dead_time(c.path) for c in coordinates):
+        return made
+    for delay in DELAYS:
+        for share in (0.0, 1.0):
+            point = z.copy()
+            for k, coordinate in enumerate(coordinates):
+                if is_dead_time(coordinate.path):
+                    point[k] = coordinate.coordinate(delay)
+                elif coordinate.path in PATHS:
+                    lag = coordinate.value(float(z[k])) - share * delay
+                    point[k] = coordinate.coordinate(max(lag, coordinate.lower))
+            made.append(point)
+    return made
 
 
 def _status(entry: object) -> object:
