@@ -15,7 +15,7 @@ Limits: errors that are stationary. What is true only of some pieces is not pred
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,7 @@ def follows(cells: Sequence[Cells], seed: int = 0) -> Follows | None:
     if rows < FEWEST_CELLS * PIECES or not np.any(errors):
         return None
     parts = [own.errors for own in cells]
-    remembered = memory(parts, steps)
+    remembered = _without_means(memory(parts, steps), lengths, steps)
     drawn = _draws(remembered, parts, steps, np.random.default_rng([seed, 31]))
     both = np.concatenate([errors[:, None, :], drawn], axis=1)
     flat = _flattened(both.reshape(rows, -1), remembered, lengths, steps, errors).reshape(both.shape)
@@ -138,6 +138,15 @@ def _axes(fitted: Array, other: Array, errors: Array) -> tuple[Array, Array, Arr
         return axes.T @ errors, other @ (fitted.T @ axes), np.maximum(squares, 0.0)
     squares, axes = np.linalg.eigh(fitted.T @ fitted)
     return axes.T @ (fitted.T @ errors), other @ axes, np.maximum(squares, 0.0)
+
+
+def _without_means(remembered: Memory, lengths: Sequence[int], steps: Sequence[float]) -> Memory:
+    """The memory with the lowest band as its other coefficients have it: the means of the logs are none of them."""
+    counts = [np.sum(frequencies(n, step) < remembered.edges[0]) for n, step in zip(lengths, steps, strict=True)]
+    others = sum(counts) - len(counts)
+    covariance = remembered.covariance.copy()
+    covariance[0] *= sum(counts) / others if others else 1.0
+    return replace(remembered, covariance=covariance)
 
 
 def _draws(remembered: Memory, parts: Sequence[Array], steps: Sequence[float], rng: np.random.Generator) -> Array:

@@ -37,6 +37,8 @@ Modes = NDArray[np.complex128]
 CELL = 0.125
 #: Fewest cells of a log.
 FEWEST_CELLS = 16
+#: Least share of a log's cells and channels that are known; others are filled by straight lines.
+LEAST_KNOWN = 0.5
 #: Lags of pressures, and of what follows rates, s.
 PRESSURE_LAGS, RATE_LAGS = (0.0, 0.15, 0.6, 2.5), (0.0, 0.15, 0.6)
 #: Rate, over the RMS of all rates, about which its sign changes.
@@ -50,7 +52,7 @@ class Cells:
     """Errors of a log and what they may follow, as means over g cells, each about its mean in the log.
 
     Attributes:
-        errors: m, shape (g, C); zero where nothing counts.
+        errors: m, shape (g, C).
         banks: name -> regressors, shape (g, F).
         step: length of a cell, s.
     """
@@ -98,18 +100,12 @@ def cells_of(record: Record, outputs: Array, modes: Modes) -> Cells | None:
         "swings": [p, *(mode_response(mode, step, p) for mode in modes.tolist())],
         "rubbing": [rates, *(mode_response(mode, step, rubbing) for mode in modes.tolist())],
     }
-    good: NDArray[np.bool_] = np.all(np.isfinite(errors), axis=1)
-    if good.sum() < FEWEST_CELLS:
+    known = np.isfinite(errors)
+    if np.min(known.sum(axis=0)) < FEWEST_CELLS or np.mean(known) < LEAST_KNOWN:
         return None
-
-    def about_mean(table: Array) -> Array:
-        return np.where(good[:, None], table - table[good].mean(axis=0), 0.0)
-
-    return Cells(
-        about_mean(errors),
-        {name: about_mean(np.column_stack(parts)) for name, parts in banks.items()},
-        step,
-    )
+    regressors = {name: np.column_stack(parts) for name, parts in banks.items()}
+    # Cells left at zero would show in errors and regressors alike, and draws have none.
+    return Cells(_about_mean(_filled(errors)), {name: _about_mean(table) for name, table in regressors.items()}, step)
 
 
 def mode_response(mode: complex, step: float, values: Array) -> Array:
@@ -129,10 +125,14 @@ def mode_response(mode: complex, step: float, values: Array) -> Array:
 
 
 def _filled(table: Array) -> Array:
-    """The columns with cells that no row falls into filled by straight lines between the others."""
-    known = np.all(np.isfinite(table), axis=1)
-    cells = np.arange(len(table))
-    return np.column_stack([np.interp(cells, cells[known], column[known]) for column in table.T])
+    """The columns with cells of which nothing is known filled by straight lines between the others."""
+    cells, known = np.arange(len(table)), np.isfinite(table)
+    columns = zip(table.T, known.T, strict=True)
+    return np.column_stack([np.interp(cells, cells[good], column[good]) for column, good in columns])
+
+
+def _about_mean(table: Array) -> Array:
+    return np.asarray(table - table.mean(axis=0))
 
 
 def _standard(table: Array, least: float) -> Array:
