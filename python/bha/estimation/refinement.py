@@ -30,7 +30,7 @@ from bha.estimation.problem import HUBER, STATE_DEVIATION, Normal, Point, Proble
 from bha.estimation.records import Record, Window, some_of, windows
 from bha.estimation.runs import Integration
 from bha.estimation.solver import Interrupted, Outcome, Policy, solve
-from bha.estimation.uncertainty import Uncertainty, uncertainty
+from bha.estimation.uncertainty import Uncertainty, correlation_length, uncertainty
 from bha.runs.options import Method
 from bha.support.shown import short_repr
 
@@ -467,12 +467,12 @@ def fit_with_scales(
         change = max(float(np.max(np.abs(np.log(a / b)))) for a, b in zip(problem.residuals.scale, before, strict=True))
         settled = change < _SETTLED or total > max_iterations // 2
         try:
+            start = problem.evaluated(outcome.point.z, outcome.point.states)
             policy = Policy(
                 max_iterations=max_iterations - total if settled else min(3, max_iterations - total),
                 tolerance=tolerance if settled else 1e-2,
                 damping=damping,
-            )
-            start = Point(outcome.point.z, outcome.point.states)
+            ).among(_alike(problem, start))
             outcome = solve(problem, start, policy, progress=_shifted(progress, total))
         except Interrupted as stopped:
             raise Interrupted(replace(stopped.outcome, iterations=total + stopped.outcome.iterations)) from None
@@ -480,6 +480,18 @@ def fit_with_scales(
         if settled:
             break
     return replace(outcome, iterations=total)
+
+
+def _alike(problem: Problem, point: Point) -> float:
+    """How many numbers of the residual say the same: what a model lacks errs alike for seconds; 1 if it is white.
+
+    By this factor a standard error is larger, squared, than independent numbers would have it, and the loss has to
+    fall by more to mean anything (:meth:`Policy.among`).
+    """
+    if point.left is None:
+        return 1.0
+    lengths = [correlation_length([left[:, c]]) for left in point.left for c in range(left.shape[1])]
+    return float(np.median(lengths)) if lengths else 1.0
 
 
 def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable[[int, float], None] | None:

@@ -71,6 +71,11 @@ class Policy:
     weigh: Callable[[Problem, Point], Problem] | None = None
     near: Callable[[Problem, Point], Near | None] | None = None
 
+    def among(self, alike: float) -> Policy:
+        """The same where so many numbers of the residual say the same: by as much more a gain must be to count."""
+        steps, least = self.crawl
+        return replace(self, negligible=alike * self.negligible, crawl=(steps, alike * least))
+
     def threshold(self, cost: float) -> float:
         """A gain below which nothing is left to gain."""
         return max(self.negligible, self.tolerance * cost)

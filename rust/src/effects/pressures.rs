@@ -217,6 +217,11 @@ pub fn has_readings<T: Real>(effects: &Effects<T>) -> bool {
     effects.list.iter().any(|e| e.kind.shapes_pressures() && !e.kind.remembers())
 }
 
+/// Whether what effects make of a pressure depends on earlier ones, delays aside.
+pub fn has_memory<T: Real>(effects: &Effects<T>) -> bool {
+    effects.list.iter().any(|e| e.kind.shapes_pressures() && e.kind.remembers())
+}
+
 /// What these make of pressures, in place.
 #[inline(always)]
 pub fn read<T: Real>(effects: &Effects<T>, p: &mut [T]) {

@@ -69,9 +69,9 @@ impl<T: Real> Drives<T> {
         self.each.iter().map(|d| d.input.next_jump(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
     }
 
-    /// The first sample after `t` of any of them, where they bend.
-    pub fn next_bend(&mut self, t: f64) -> f64 {
-        self.each.iter_mut().map(|d| d.next_sample(t)).fold(f64::INFINITY, f64::min)
+    /// The first sample after `t` at which any of them may bend.
+    pub fn next_bend(&self, t: f64) -> f64 {
+        self.each.iter().map(|d| d.input.next_bend(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
     }
 
     /// The first one's caller's clock minus the plant's, s.

@@ -45,6 +45,8 @@ pub struct Input {
     interpolation: Interpolation,
     /// Times of the jumps, ascending.
     jumps: Vec<f64>,
+    /// Times of the samples at which a channel may bend, ascending: not those within a stretch that is held.
+    bends: Vec<f64>,
 }
 
 /// Where a reader of an [`Input`] stands; moves forward cheaply.
@@ -108,8 +110,10 @@ impl Input {
             points: Vec::new(),
             interpolation,
             jumps,
+            bends: Vec::new(),
         };
         input.jumps = input.find_jumps();
+        input.bends = input.find_bends();
         Ok(input)
     }
 
@@ -257,14 +261,33 @@ impl Input {
         self.jumps.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
+    /// The first sample after `t` at which an interpolated input may bend; infinity after the last.
+    #[inline(always)]
+    pub fn next_bend(&self, t: f64) -> f64 {
+        let next = self.bends.partition_point(|bend| *bend <= t);
+        self.bends.get(next).copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// Whether a channel of sample `k` + 1 differs from that of sample `k`.
+    fn changes(&self, k: usize) -> bool {
+        let (n, m) = (self.pressure_count, self.force_count);
+        self.pressures[k * n..(k + 1) * n] != self.pressures[(k + 1) * n..(k + 2) * n]
+            || self.forces[k * m..(k + 1) * m] != self.forces[(k + 1) * m..(k + 2) * m]
+    }
+
+    /// The times of all bends. Commands are held for most of their samples, and steps need not end at those.
+    fn find_bends(&self) -> Vec<f64> {
+        let last = self.times.len() - 1;
+        if self.interpolation == Interpolation::Hold {
+            return vec![self.times[0]];
+        }
+        let bends = |k: usize| k == 0 || self.changes(k - 1) || (k < last && self.changes(k));
+        (0..=last).filter(|k| bends(*k)).map(|k| self.times[k]).collect()
+    }
+
     /// The times of all jumps. Found once: an integrator asks for the next one before every step.
     fn find_jumps(&self) -> Vec<f64> {
-        let (n, m) = (self.pressure_count, self.force_count);
-        let differs = |k: usize| {
-            self.pressures[k * n..(k + 1) * n] != self.pressures[(k + 1) * n..(k + 2) * n]
-                || self.forces[k * m..(k + 1) * m] != self.forces[(k + 1) * m..(k + 2) * m]
-        };
         let may_jump = |k: usize| self.interpolation == Interpolation::Hold || self.times[k + 1] == self.times[k];
-        (0..self.times.len() - 1).filter(|k| may_jump(*k) && differs(*k)).map(|k| self.times[k + 1]).collect()
+        (0..self.times.len() - 1).filter(|k| may_jump(*k) && self.changes(*k)).map(|k| self.times[k + 1]).collect()
     }
 }

@@ -11,7 +11,7 @@ use crate::arm::Arm;
 use crate::body::parameters::PneumaticsLevel;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
-use crate::effects::pressures::{PressureChain, Sort, has_readings};
+use crate::effects::pressures::{PressureChain, Sort, has_memory, has_readings};
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
 use crate::effects::{self, poses};
@@ -112,9 +112,8 @@ impl<T: Real> Plant<T> {
 
     /// `options` with steps no longer than the pneumatics allow.
     pub fn suited(&self, options: Options) -> Options {
-        // A lag is exact over any step along which its command is a line; adaptive methods' steps end where one ends.
-        let exact = options.method.is_adaptive() && self.is_lagged();
-        if !self.has_pneumatics() || exact {
+        // A lag is exact over any step along which its command is a line, and steps end where one ends.
+        if !self.has_pneumatics() || self.is_lagged() {
             return options;
         }
         let (step, max_step) = (options.step.min(LONGEST_STEP), options.max_step.min(LONGEST_STEP));
@@ -166,10 +165,11 @@ impl<T: Real> Plant<T> {
                 _ => self.commands_into(t, t >= self.step_end, &mut p),
             }
             let mut history = History::new(t, &p).on_clock(self.drives.clock());
-            let trapped = self.is_trapped();
-            let sort = if trapped { Sort::Remembering } else { Sort::All };
+            // What only reads the pressure of the moment needs no past; behind what does, it keeps its place.
+            let apart = self.is_trapped() || !has_memory(&self.arm.effects);
+            let sort = if apart { Sort::Remembering } else { Sort::All };
             self.chain = PressureChain::new((&self.arm.effects, sort), self.arm.body.inputs, &mut history, t);
-            self.readings = trapped && has_readings(&self.arm.effects);
+            self.readings = apart && has_readings(&self.arm.effects);
             if let Some(chain) = &self.chain {
                 history.reach(chain.horizon());
                 self.history = Some(history);

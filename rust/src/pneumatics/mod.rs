@@ -32,7 +32,7 @@ use crate::real::Real;
 
 /// Longest sub-step, s.
 pub const SUBSTEP: f64 = 2.5e-4;
-/// Longest step of the arm with pneumatics that are not ideal, s; adaptive methods need none with a lag.
+/// Longest step of the arm with pneumatics that are not ideal, s; none is needed with a lag where steps end at samples.
 pub const LONGEST_STEP: f64 = 2e-3;
 
 /// What the valves, chambers and pressure controllers of an arm are; the same for every input.
