@@ -34,9 +34,9 @@ LEAST_TIME = 30.0
 #: Pieces of a log for the sine.
 QUARTERS = 4
 #: Errors follow something where chance does as much with at most this p, and where it is at least this share of their
-#: square: a plain model of a real arm is never quite right. It stays open where a greater share is less clear: slow
-#: errors are few independent numbers.
-CHANCE, SHARE, OPEN_CHANCE, OPEN_SHARE = 0.01, 0.05, 0.1, 0.15
+#: square: a plain model of a real arm is never quite right. A greater share is never called nothing, though chance may
+#: bring it: slow errors are few independent numbers.
+CHANCE, SHARE, OPEN = 0.01, 0.05, 0.3
 #: Share of the errors' square that a sine predicts at most where nothing is missing, share of the excess that the best
 #: effects remove, held-out over training RMS error, and the mean error of a log over the rest of its errors.
 MOST_PERIODIC, MOST_REMOVED, MOST_GROWN, MOST_OFFSET = 0.35, 0.1, 1.5, 3.0
@@ -76,8 +76,7 @@ class Unlogged:
     def is_a_disturbance(self) -> bool:
         """Whether errors follow nothing that was logged, as far as they can tell, and are the same in all logs."""
         alike = self.grown < MOST_GROWN and self.offset < MOST_OFFSET
-        is_open = self.logged.chance <= OPEN_CHANCE and self.logged.share >= OPEN_SHARE
-        return alike and not self.follows_something and not is_open
+        return alike and not self.follows_something and self.logged.share < OPEN
 
     def judge(self, decision: Decision, noise: float) -> Decision:
         """The decision; ``equivalent`` where what is unexplained is a disturbance.
