@@ -164,8 +164,9 @@ def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Dia
     if any(_knows_ways(e) for e in slow):
         return found
     lag, error = _lag(slow)
-    # A dead time of the plain model is told beside the lag that it has.
-    slow = [e for e in slow if not (e.plain and e.kind == "delay")]
+    # A dead time of the plain model is told beside the lag that it has, and that lag beside a further stage.
+    more = any(not e.plain for e in slow)
+    slow = [e for e in slow if not e.plain or (e.kind == LAG and not more)]
     # Where a refit with the other sort of slowness is as good, the logs do not tell, whatever the arm that was found.
     rivals = any(other.kind in SLOW for e in slow for other in e.one_of)
     times = _times(arm, records, lag, error, swinging=rivals)

@@ -53,6 +53,7 @@ class Readings:
         self.observation, self.measured, self._said = observe(self.arm, self.log, self.name)
         self.time, self.clock = clock.mended(self.log.time, self.measured)
         judged = [samples.judge(self.time, o.name, o.unit, self.measured[:, k]) for k, o in enumerate(self.outputs)]
+        judged = samples.stopped_together(self.time, self.measured, judged)
         self.facts: tuple[ChannelFacts, ...] = tuple(fact for fact, _ in judged)
         self.usable: Mask = np.column_stack([m for _, m in judged]) if judged else np.empty(self.measured.shape, bool)
         for array in (self.time, self.measured):
