@@ -140,9 +140,6 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
             fit = to_its_end(problem, fit)
         except ConvergenceError:
             return None
-        fit = restarted(problem, fit)
-        if candidate.kind == LAG:
-            fit = better_way(problem, fit)
         store(problem, fit, name)
     acting, fit = without_idle(candidates, fit)
     return Trial(acting, fit, given.holdout)
@@ -171,7 +168,11 @@ def to_its_end(problem: Problem, fit: Fit, tolerance: float = TOLERANCE) -> Fit:
 
 
 def refined(given: Given, trial: Trial) -> Trial:
-    """The trial, fitted to its end at a step that resolves what was found, with sensitivities of its own."""
+    """The trial, fitted to its end at a step that resolves what was found, with sensitivities of its own.
+
+    Where the cost has several valleys the others are tried from here, and not for every candidate: what is best of its
+    round in the valley of the plain fit is what a search goes on with.
+    """
     problem, fit = given.problem, trial.fit
     name = f"refined {[c.name for c in trial.candidates]}"
     # What was found may be stiffer than what was expected.
@@ -181,7 +182,9 @@ def refined(given: Given, trial: Trial) -> Trial:
     known = stored(problem, fit, name)
     fit = with_sensitivities(problem, known or fit)
     if known is None:
-        fit = to_its_end(problem, fit, tolerance=0.5 * TOLERANCE)
+        fit = restarted(problem, to_its_end(problem, fit, tolerance=0.5 * TOLERANCE))
+        if trial.candidates[-1].kind == LAG:
+            fit = better_way(problem, fit)
         store(problem, fit, name)
     candidates, fit = without_idle(trial.candidates, fit)
     return Trial(candidates, fit, given.holdout)
