@@ -227,7 +227,7 @@ def stopped_together(
         for k, (facts, mask) in enumerate(found):
             for start, own in facts.dropouts:
                 if own == end:
-                    mask[(time > start) & (time <= time[first])] = True
+                    mask[(time >= start) & (time <= time[first])] = True
             mask[~np.isfinite(values[:, k])] = False
             mask[first + 1 : last] = False
             kept = [d for d in facts.dropouts if d[1] != end]
