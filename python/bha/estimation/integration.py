@@ -31,6 +31,12 @@ _RESIDUAL_SHARE = 0.01
 #: A classical step as long as this is not worth comparing with the implicit method, s.
 _GOOD_STEP = 2.5e-3
 _WINDOWS = 4
+#: Rows at the start of a window do not count: part of it, and at most so long, s. An initial state that is free makes a
+#: layer there in an arm that is stiff, which no step resolves and which nothing but that state follows from.
+_LAYER = (0.25, 0.5)
+#: Least part of what is allowed in the lengths or positions of a window that are missed most, for the others: a model
+#: that misses one by millimetres gains nothing from micrometres in another.
+_OTHERS = 0.25
 #: Greatest share of the noise that the integration's error may have.
 STEP_ERROR_SHARE = 0.15
 #: The same for runs of which only differences are wanted.
@@ -112,7 +118,12 @@ def _excess(model: Model, some: Sequence[Window], coarse: list[Array], fine: lis
         rows = slice(window.first, window.last)
         left = np.abs(np.where(rec.usable[rows], rec.measured[rows] - b, 0.0))
         allowed = np.maximum(_NOISE_SHARE * rec.noise, _RESIDUAL_SHARE * np.median(left, axis=0) / 0.6745)
-        worst = max(worst, float(np.max(np.sqrt(np.mean((a - b) ** 2, axis=0)) / allowed)))
+        metres = np.array([output.kind != "orientation" for output in rec.observation.outputs])
+        if metres.any():
+            allowed = np.where(metres, np.maximum(allowed, _OTHERS * np.max(allowed[metres])), allowed)
+        time = rec.time[rows] - rec.time[window.first]
+        counts = time >= min(_LAYER[0] * float(time[-1]), _LAYER[1])
+        worst = max(worst, float(np.max(np.sqrt(np.mean((a - b)[counts] ** 2, axis=0)) / allowed)))
     return worst
 
 
