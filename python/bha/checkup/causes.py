@@ -13,7 +13,7 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.checkup.wiring import Assignment, Evidence, direction, explained, score, seen_drive
+from bha.checkup.wiring import Assignment, Evidence, direction, explained_shares, score, seen_drive
 
 Array = NDArray[np.float64]
 
@@ -148,15 +148,7 @@ def _doubted(found: Evidence, filed: Assignment) -> set[int]:
     """Sections of which the file leaves a good part unexplained; all where they are not told one by one."""
     if found.channels:
         return set(range(found.layout.section_count))
-    doubted = set()
-    for group in found.groups:
-        bending, axial = seen_drive(found.layout, filed, group)
-        for key in found.informative:
-            if key[0] == group:
-                drive = bending[key[1]] if key[2] == "bending" else axial[key[1]]
-                if explained(found.blocks[key], drive) < DOUBTED:
-                    doubted.add(key[1])
-    return doubted
+    return {section for (_, section, _), share in explained_shares(found, filed).items() if share < DOUBTED}
 
 
 def _sections(found: Evidence, filed: Assignment) -> Iterator[Cause]:

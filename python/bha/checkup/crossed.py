@@ -18,7 +18,7 @@ from bha.checkup.finding import Explanation, Finding
 from bha.checkup.layout import Layout
 from bha.checkup.mend import Mend
 from bha.checkup.seen import Seen
-from bha.checkup.wiring import Evidence, as_filed, evidence, explained, score, seen_drive
+from bha.checkup.wiring import Evidence, as_filed, evidence, explained_shares, score
 
 #: Logarithm of how much less must be left unexplained: than by the file, and than by what explains it best otherwise.
 GAIN, BETTER = 1.0, 0.5
@@ -127,15 +127,8 @@ def _tried(
 
 def _least_explained(layout: Layout, found: Evidence, section: int) -> float:
     """The least share of a section's motions by lengths that the file explains; 1 where none counts."""
-    bending, axial = seen_drive(layout, as_filed(layout), "lengths")
-    return min(
-        (
-            explained(found.blocks[key], bending[key[1]] if key[2] == "bending" else axial[key[1]])
-            for key in found.informative
-            if key[0] == "lengths" and key[1] == section
-        ),
-        default=1.0,
-    )
+    told = explained_shares(found, as_filed(layout), (section,))
+    return min((share for (group, _, _), share in told.items() if group == "lengths"), default=1.0)
 
 
 def _doubted(layout: Layout, found: Evidence) -> set[int]:

@@ -26,6 +26,7 @@ from bha.checkup.wiring import (
     direction_error,
     explained,
     explained_linear,
+    explained_shares,
     linear_score,
     score,
     seen_drive,
@@ -137,16 +138,9 @@ def _significant(cause: Cause, base: float, turns: Sequence[Turn], found: Eviden
 
 def _spoils(cause: Cause, found: Evidence) -> bool:
     """Whether a cause loses what the file explains well of some section's motion."""
-    filed = as_filed(found.layout)
-    for group in found.groups:
-        before, after = (seen_drive(found.layout, a, group) for a in (filed, cause.assignment))
-        for key in found.informative:
-            if key[0] == group:
-                kind = 0 if key[2] == "bending" else 1
-                shares = [explained(found.blocks[key], drives[kind][key[1]]) for drives in (before, after)]
-                if shares[0] >= LEAST_EXPLAINED and shares[0] - shares[1] > MOST_SPOILED:
-                    return True
-    return False
+    after = explained_shares(found, cause.assignment)
+    before = explained_shares(found, as_filed(found.layout))
+    return any(share >= LEAST_EXPLAINED and share - after[key] > MOST_SPOILED for key, share in before.items())
 
 
 def _explains_channels(cause: Cause, found: Evidence) -> bool:
@@ -161,15 +155,9 @@ def _explains_channels(cause: Cause, found: Evidence) -> bool:
 
 def _explains(cause: Cause, found: Evidence) -> bool:
     """Whether a cause explains a fair share of the motions of the sections it concerns."""
-    shares = []
-    for group in found.groups:
-        bending, axial = seen_drive(found.layout, cause.assignment, group)
-        for key in found.informative:
-            if key[0] == group and key[1] in cause.sections:
-                drive = bending[key[1]] if key[2] == "bending" else axial[key[1]]
-                shares.append(explained(found.blocks[key], drive))
+    own = explained_shares(found, cause.assignment, cause.sections)
     linear = [explained_linear(found, cause.assignment, group) for group in found.groups if group in found.channels]
-    return max(shares) >= LEAST_EXPLAINED if shares else max(linear, default=0.0) >= LEAST_LINEAR
+    return max(own.values()) >= LEAST_EXPLAINED if own else max(linear, default=0.0) >= LEAST_LINEAR
 
 
 def _differs(cause: Cause) -> bool:

@@ -305,6 +305,18 @@ def balance(block: Moments, drive: Complex) -> float:
     return float(np.sqrt(np.real(drive.conj() @ pp @ drive) / could)) if could > 0.0 else 0.0
 
 
+def explained_shares(found: Evidence, assignment: Assignment, only: Sequence[int] | None = None) -> dict[Key, float]:
+    """Share of each motion that counts which an assignment explains; of some sections alone if ``only`` says which."""
+    told: dict[Key, float] = {}
+    for group in found.groups:
+        bending, axial = seen_drive(found.layout, assignment, group)
+        for key in found.informative:
+            if key[0] == group and (only is None or key[1] in only):
+                drive = bending[key[1]] if key[2] == "bending" else axial[key[1]]
+                told[key] = explained(found.blocks[key], drive)
+    return told
+
+
 def score(found: Evidence, assignment: Assignment, only: Sequence[int] | None = None) -> float:
     """How much an assignment leaves unexplained: sum of logarithms of shares over motions; lower is better.
 
@@ -313,13 +325,7 @@ def score(found: Evidence, assignment: Assignment, only: Sequence[int] | None = 
         assignment: what is tried.
         only: sections that count; all if None.
     """
-    total = 0.0
-    for group in found.groups:
-        bending, axial = seen_drive(found.layout, assignment, group)
-        for key in found.informative:
-            if key[0] == group and (only is None or key[1] in only):
-                drive = bending[key[1]] if key[2] == "bending" else axial[key[1]]
-                total += float(np.log(FLOOR + 1.0 - explained(found.blocks[key], drive)))
+    total = sum(float(np.log(FLOOR + 1.0 - share)) for share in explained_shares(found, assignment, only).values())
     return total + linear_score(found, assignment) + _disagreement(found, assignment, only)
 
 

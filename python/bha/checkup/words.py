@@ -13,7 +13,7 @@ from bha.checkup.explain import Verdict
 from bha.checkup.finding import Explanation, Finding
 from bha.checkup.layout import Layout
 from bha.checkup.mend import Mend
-from bha.checkup.wiring import Evidence, as_filed, explained, explained_linear, seen_drive
+from bha.checkup.wiring import Evidence, as_filed, explained, explained_linear, explained_shares, seen_drive
 
 Array = NDArray[np.float64]
 
@@ -339,16 +339,11 @@ def _lengthening(top: Cause | None, found: Evidence) -> list[str]:
     """The same of how sections lengthen, where an explanation changes what is explained of it."""
     if top is None:
         return []
-    filed, parts = as_filed(found.layout), []
-    for group, section, kind in sorted(found.informative):
-        if kind != "length" or section not in top.sections:
-            continue
-        block = found.blocks[group, section, kind]
-        before, after = (
-            explained(block, seen_drive(found.layout, assignment, group)[1][section])
-            for assignment in (filed, top.assignment)
-        )
-        if abs(after - before) >= _WORTH_SAYING:
+    filed = explained_shares(found, as_filed(found.layout), top.sections)
+    better, parts = explained_shares(found, top.assignment, top.sections), []
+    for key in sorted(filed):
+        (group, section, kind), before, after = key, filed[key], better[key]
+        if kind == "length" and abs(after - before) >= _WORTH_SAYING:
             parts.append(
                 f"section {section + 1} by {group}: {100 * before:.0f} % of its mean length, this {100 * after:.0f} %"
             )

@@ -15,12 +15,12 @@ from bha.arrays import floats
 from bha.errors import BhaError, InputError, LogWarning
 from bha.logs import Log
 from bha.recordings import Recording
-from bha.recordings.beginning import Beginning, begins, preloaded
+from bha.recordings.beginning import Beginning, preloaded
 from bha.recordings.ranges import members_beyond
 from bha.runs.input import Input, Interpolation
 from bha.runs.options import Method, Options
 from bha.runs.rows import check_room
-from bha.simulation.single import as_input
+from bha.simulation.single import as_input, beginning_of
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -300,7 +300,7 @@ def _driven(
         takes = rest and bool(preloaded(arm.parameters))
         key = id(given), ambient, takes
         if key not in starts:
-            start = _beginning(arm, given) if takes else Beginning(None, (), as_input(arm, given))
+            start = beginning_of(arm, given) if takes else Beginning(None, (), as_input(arm, given))
             starts[key] = len(drives), start
             drives.append(start.drive)
         place, start = starts[key]
@@ -309,12 +309,6 @@ def _driven(
             taken[id(arm), id(given)] = start.taken_by(arm)
         members.append(taken[id(arm), id(given)])
     return members, index, drives
-
-
-def _beginning(arm: Arm, given: Input | Log | Recording) -> Beginning:
-    if isinstance(given, Input):
-        return Beginning(None, (), given)
-    return begins(arm, Recording(arm, given) if isinstance(given, Log) else given)
 
 
 def _unique(items: list[T], count: int) -> tuple[list[int], list[T]]:

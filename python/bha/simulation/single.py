@@ -14,7 +14,7 @@ from bha.arrays import floats
 from bha.errors import InputError, SimulationError
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
-from bha.recordings.beginning import begins
+from bha.recordings.beginning import Beginning, begins
 from bha.recordings.ranges import LengthExtremes
 from bha.runs.input import Input
 from bha.runs.options import Method, Options
@@ -105,19 +105,30 @@ def simulate(
     return whole
 
 
+def beginning_of(
+    arm: Arm,
+    drive: Input | Log | Recording | str | os.PathLike[str] | Callable[[float], ArrayLike],
+    **options: Any,
+) -> Beginning:
+    """How an arm begins that starts at rest: as a log tells, as it is under other inputs; see :func:`as_input`."""
+    if isinstance(drive, Log | str | os.PathLike):
+        drive = Recording(arm, drive, pressures=options.get("pressures"))
+    if isinstance(drive, Recording):
+        return begins(arm, drive)
+    return Beginning(None, (), as_input(arm, drive, **options))
+
+
 def _begun(
     arm: Arm,
     drive: Input | Log | Recording | str | os.PathLike[str] | Callable[[float], ArrayLike],
     q0: ArrayLike | None,
     **options: Any,
 ) -> tuple[Arm, Input]:
-    """The arm as it stands where a log begins, and its input; as it is for other inputs or from a given pose."""
-    if isinstance(drive, Log | str | os.PathLike):
-        drive = Recording(arm, drive, pressures=options["pressures"])
-    if isinstance(drive, Recording) and q0 is None:
-        start = begins(arm, drive)
-        return start.taken_by(arm), start.drive
-    return arm, as_input(arm, drive, **options)
+    """The arm as it stands where a log begins, and its input; as it is from a given pose."""
+    if q0 is not None:
+        return arm, as_input(arm, drive, **options)
+    start = beginning_of(arm, drive, **options)
+    return start.taken_by(arm), start.drive
 
 
 def as_input(

@@ -44,8 +44,8 @@ class Plan:
         variables: the ``[[vary]]`` tables; a choice of a log has its logs filled in.
         targets: what each acts on.
         arm: the arm of the file, without provenance.
-        inputs: what drives it, one a log, each cut to the duration.
-        beginnings: how each of them begins: where runs start at rest, the arm takes what held it there.
+        beginnings: what drives it and how that begins, one a log, each cut to the duration: where runs start at rest,
+            the arm takes what held it there.
         input_names: names of the logs as the file has them.
         runs: how many.
         instruction_set: what computes runs abreast.
@@ -56,7 +56,6 @@ class Plan:
     variables: tuple[Variable, ...]
     targets: tuple[Target, ...]
     arm: Arm
-    inputs: tuple[Input, ...]
     beginnings: tuple[Beginning, ...]
     input_names: tuple[str, ...]
     runs: int
@@ -67,6 +66,11 @@ class Plan:
     def fingerprint(self) -> str:
         """SHA-256 of everything that the results follow from, hexadecimal."""
         return _digest(json.dumps(self.parts, sort_keys=True))
+
+    @cached_property
+    def inputs(self) -> tuple[Input, ...]:
+        """What drives the arm, one a log."""
+        return tuple(begun.drive for begun in self.beginnings)
 
     @cached_property
     def standing(self) -> tuple[Arm, ...]:
@@ -167,10 +171,9 @@ def make_plan(spec: AnySpec, *, instruction_set: str | None = None) -> Plan:
     }
     for number, begun in enumerate(beginnings):
         _check_rows(spec, arm, begun.drive, _name(logs, number))
-    inputs = tuple(begun.drive for begun in beginnings)
     if _starts_elsewhere(spec, arm, targets):
-        beginnings = tuple(Beginning(None, (), drive) for drive in inputs)
-    return Plan(spec, variables, targets, arm, inputs, beginnings, logs, spec.run_count, chosen, parts)
+        beginnings = tuple(Beginning(None, (), begun.drive) for begun in beginnings)
+    return Plan(spec, variables, targets, arm, beginnings, logs, spec.run_count, chosen, parts)
 
 
 def _starts_elsewhere(spec: SweepSpec, arm: Arm, targets: tuple[Target, ...]) -> bool:
