@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from bha import _core
 from bha.arm import Arm
-from bha.estimation.records import Record
+from bha.estimation.records import SMOOTHING_SECONDS, Record
 from bha.parameters import ArmParameters
 from bha.recordings import Observation
 from bha.recordings.pose import LEAST_DEVIATION, pose
 
 Array = NDArray[np.float64]
-
-#: Time around the start of a window over which channels are smoothed, s.
-SMOOTHING_SECONDS = 0.06
 
 
 def guess_of(arm: Arm, rec: Record, row: int) -> Array:

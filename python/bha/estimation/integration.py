@@ -34,8 +34,8 @@ _WINDOWS = 4
 #: Rows at the start of a window do not count: part of it, and at most so long, s. An initial state that is free makes a
 #: layer there in an arm that is stiff, which no step resolves and which nothing but that state follows from.
 _LAYER = (0.25, 0.5)
-#: Least part of what is allowed in the lengths or positions of a window that are missed most, for the others: a model
-#: that misses one by millimetres gains nothing from micrometres in another.
+#: Least part of what is allowed in the lengths or positions that are missed most, in any window, for the others: where
+#: a model misses by millimetres it gains nothing from micrometres elsewhere, or while the arm stands still.
 _OTHERS = 0.25
 #: Greatest share of the noise that the integration's error may have.
 STEP_ERROR_SHARE = 0.15
@@ -109,22 +109,30 @@ def _longest(model: Model, z: Array, some: Sequence[Window], states: Array) -> f
 
 
 def _excess(model: Model, some: Sequence[Window], coarse: list[Array], fine: list[Array]) -> float:
-    """The greatest root mean square change of a channel, in what is allowed."""
+    """The greatest root mean square change of a channel in a window, in what is allowed."""
+    if not all(np.all(np.isfinite(run)) for run in (*coarse, *fine)):
+        return np.inf
+    allowed = _allowed(model, some, fine)
     worst = 0.0
-    for window, a, b in zip(some, coarse, fine, strict=True):
-        if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
-            return np.inf
+    for window, a, b, most in zip(some, coarse, fine, allowed, strict=True):
+        time = model.records[window.record].time[window.first : window.last]
+        since = time - time[0]
+        counts = since >= min(_LAYER[0] * float(since[-1]), _LAYER[1])
+        worst = max(worst, float(np.max(np.sqrt(np.mean((a - b)[counts] ** 2, axis=0)) / most)))
+    return worst
+
+
+def _allowed(model: Model, some: Sequence[Window], predicted: list[Array]) -> list[Array]:
+    """The error that is allowed in each channel of some windows, by noise and by what the model leaves."""
+    allowed, in_metres = [], []
+    for window, run in zip(some, predicted, strict=True):
         rec = model.records[window.record]
         rows = slice(window.first, window.last)
-        left = np.abs(np.where(rec.usable[rows], rec.measured[rows] - b, 0.0))
-        allowed = np.maximum(_NOISE_SHARE * rec.noise, _RESIDUAL_SHARE * np.median(left, axis=0) / 0.6745)
-        metres = np.array([output.kind != "orientation" for output in rec.observation.outputs])
-        if metres.any():
-            allowed = np.where(metres, np.maximum(allowed, _OTHERS * np.max(allowed[metres])), allowed)
-        time = rec.time[rows] - rec.time[window.first]
-        counts = time >= min(_LAYER[0] * float(time[-1]), _LAYER[1])
-        worst = max(worst, float(np.max(np.sqrt(np.mean((a - b)[counts] ** 2, axis=0)) / allowed)))
-    return worst
+        left = np.abs(np.where(rec.usable[rows], rec.measured[rows] - run, 0.0))
+        allowed.append(np.maximum(_NOISE_SHARE * rec.noise, _RESIDUAL_SHARE * np.median(left, axis=0) / 0.6745))
+        in_metres.append(np.array([output.kind != "orientation" for output in rec.observation.outputs]))
+    most = max((float(np.max(a[m])) for a, m in zip(allowed, in_metres, strict=True) if m.any()), default=0.0)
+    return [np.where(m, np.maximum(a, _OTHERS * most), a) for a, m in zip(allowed, in_metres, strict=True)]
 
 
 def _fallback(model: Model, z: Array, some: Sequence[Window], states: Array) -> Model:

@@ -20,15 +20,18 @@ from numpy.typing import NDArray
 
 from bha.estimation.engine import Model, Near
 from bha.estimation.innovations import Whitening
-from bha.estimation.records import Window
+from bha.estimation.records import Record, Window
 from bha.estimation.steps import huber_loss
 
 Array = NDArray[np.float64]
 
 #: Residuals beyond this many scales count linearly, not squared (Huber).
 HUBER = 3.0
-#: Standard deviations of the prior on initial lengths (m) and rates (m/s) about their guess: very wide.
-STATE_DEVIATION = (0.02, 0.5)
+#: Standard deviation of the prior on initial lengths about their guess, m: very wide.
+LENGTH_DEVIATION = 0.02
+#: Least and greatest standard deviation of the prior on initial rates, m/s. Between them it is what the log shows
+#: (:func:`state_deviations`).
+RATE_DEVIATIONS = (0.01, 0.5)
 
 
 @dataclass(frozen=True)
@@ -189,7 +192,7 @@ class Problem:
     residuals: Residuals
     guesses: Array
     prior: tuple[Array, Array]
-    deviations: tuple[float, float] = STATE_DEVIATION
+    deviations: tuple[float, float] = (LENGTH_DEVIATION, RATE_DEVIATIONS[1])
     prior_weight: float = 1.0
     state_weight: float = 1.0
 
@@ -316,6 +319,16 @@ class Problem:
         return float(
             self.precision @ (z - self.prior[0]) ** 2 + np.sum(self.state_precision * (states - self.guesses) ** 2)
         )
+
+
+def state_deviations(records: Sequence[Record]) -> tuple[float, float]:
+    """Standard deviations of a window's initial lengths (m) and rates (m/s) about what was measured there.
+
+    Rates are no others than those of the logs. In an arm whose damping outweighs its masses a free rate would be a
+    jump of the lengths, over within milliseconds, that makes up for what the model lacks and is seen in no reading.
+    """
+    rates = [rec.rate for rec in records if np.isfinite(rec.rate)]
+    return LENGTH_DEVIATION, float(np.clip(max(rates, default=np.inf), *RATE_DEVIATIONS))
 
 
 def projected(parts: Sequence[slice], by_states: Sequence[Array], table: Array, precision: Array) -> Array:

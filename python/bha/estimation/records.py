@@ -34,6 +34,8 @@ Mask = NDArray[np.bool_]
 #: Noise that is assumed where a channel does not tell it: length sensors and motion capture rarely do better; in the
 #: unit of the channel (m; a quaternion's component).
 DEFAULT_NOISE = 2e-4
+#: Time over which channels are smoothed where their rates are wanted, s.
+SMOOTHING_SECONDS = 0.06
 
 
 @short_repr
@@ -124,6 +126,18 @@ class Record:
     def sample_time(self) -> float:
         """Median distance of the rows, s."""
         return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def rate(self) -> float:
+        """Root mean square rate of the length or position that moves fastest, m/s; NaN where there is none."""
+        step = max(SMOOTHING_SECONDS, self.sample_time)
+        times = np.arange(self.time[0], self.time[-1] + step, step)
+        rates = [np.nan]
+        for output, values, counts in zip(self.observation.outputs, self.measured.T, self.usable.T, strict=True):
+            if output.kind != "orientation" and counts.any():
+                changes = np.diff(np.interp(times, self.time[counts], values[counts]))
+                rates.append(float(np.sqrt(np.mean(changes**2))) / step)
+        return float(np.fmax.reduce(rates))
 
     @property
     def has_unsure_pressures(self) -> bool:

@@ -26,7 +26,7 @@ from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.integration import by, choose_integration, too_coarse
 from bha.estimation.pace import Pace, Progress
 from bha.estimation.pressure_noise import PAIRS, Corrected, corrected, is_noisy, uncorrected
-from bha.estimation.problem import HUBER, STATE_DEVIATION, Normal, Point, Problem, Residuals
+from bha.estimation.problem import HUBER, Normal, Point, Problem, Residuals, state_deviations
 from bha.estimation.records import Record, Window, some_of, windows
 from bha.estimation.runs import Integration
 from bha.estimation.solver import Interrupted, Outcome, Policy, solve
@@ -69,8 +69,9 @@ class Settings:
         max_iterations: most steps of the last stage (and at most 12 of the earlier ones).
         threads: threads of the simulations; all cores if None.
         state_deviation: standard deviations of initial lengths (m) and rates (m/s) of a window about what was measured
-            there. Wide by default. A model with a gap needs narrow ones where windows are long: initial states would
-            make up for the gap, and a log that is predicted from its start has none to make up with.
+            there; as wide as :func:`bha.estimation.problem.state_deviations` if None. A model with a gap needs narrow
+            ones where windows are long: initial states would make up for the gap, and a log that is predicted from its
+            start has none to make up with.
         prediction_error: whether the noises are estimated with the model in a last stage, and residuals weighed by
             them; output error alone if not. None: where an arm of one section is driven by measured pressures and
             its lengths are measured; with more sections the search for sizes takes longer than the fit.
@@ -87,7 +88,7 @@ class Settings:
     interval: float = 0.0
     max_iterations: int = 40
     threads: int | None = None
-    state_deviation: tuple[float, float] = STATE_DEVIATION
+    state_deviation: tuple[float, float] | None = None
     prediction_error: bool | None = None
     draws: int = 24
     seed: int = 0
@@ -427,7 +428,8 @@ def _stage_problem(
         pieces = some_of(pieces, model.records, budget)
     residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber, lasting=settings.lasting)
     guesses = model.guesses(z, pieces)
-    return Problem(model, tuple(pieces), residuals, guesses, prior, settings.state_deviation)
+    deviations = settings.state_deviation or state_deviations(model.records)
+    return Problem(model, tuple(pieces), residuals, guesses, prior, deviations)
 
 
 def scales(problem: Problem, point: Point) -> Residuals:

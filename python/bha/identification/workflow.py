@@ -14,7 +14,6 @@ from bha.estimation.free import FreeParameter
 from bha.estimation.lags import PATHS as LAG_PATHS
 from bha.estimation.lags import CommonTime, common_times, with_lag
 from bha.estimation.preload import preloads_of
-from bha.estimation.problem import STATE_DEVIATION
 from bha.estimation.records import Record
 from bha.estimation.refinement import Settings, refine, remembers
 from bha.estimation.scale import default_free_of, scale_of
@@ -124,7 +123,7 @@ def _of_an_arm_that_creeps(settings: Settings) -> Settings:
         windows=(None,),
         interval=max(settings.interval, _CREEPING_INTERVAL),
         lasting=max(settings.lasting, _LASTING),
-        state_deviation=_CREEPING_STATES if settings.state_deviation == STATE_DEVIATION else settings.state_deviation,
+        state_deviation=settings.state_deviation or _CREEPING_STATES,
     )
 
 
