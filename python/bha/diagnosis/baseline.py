@@ -18,7 +18,7 @@ from bha.diagnosis.cache import Cache
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve, problem_of, weighted, whole_logs, with_sensitivities
 from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera
 from bha.diagnosis.noises import Bound, bound_of, disturbed_outputs, mean_white_square, sensors_of
-from bha.diagnosis.preparation import cut_to, thin
+from bha.diagnosis.preparation import cut_to, sound_records, thin
 from bha.diagnosis.valves import is_of_valves, through, without_valves
 from bha.errors import ConvergenceError, InputError
 from bha.estimation.bands import (
@@ -90,6 +90,11 @@ class Prepared:
     def integration(self, threads: int | None) -> Integration:
         """How runs are integrated; what diverges is repeated with finer steps."""
         return Integration(self.step, self.method, threads, self.coarse, shares=STEP_SHARES)
+
+    def without_strays(self, shown: Sequence[Array]) -> Prepared:
+        """The same with stray readings not counting, by what a model shows of each log, (rows, C); itself for none."""
+        records = tuple(sound_records(self.full, self.records, shown))
+        return self if records == self.full else replace(self, records=records, full=records)
 
     def longest_step(self, error: float) -> float:
         """The longest step with at most that error, s; ``step`` if there is none."""
@@ -309,6 +314,9 @@ def fit_baseline(
     disturbed = disturbed_outputs(problem, replace(fit, model=model), seed)
     bound = bound_of(records, fit.outputs, disturbed)
     for round_ in range(NOISE_ROUNDS):
+        prepared = prepared.without_strays(fit.outputs)
+        records = prepared.records
+        model = model.on(records)
         made = [bound(draws, record) for draws, record in zip(disturbed, records, strict=True)]
         sensors = sensors_of(prepared.full, records, fit.outputs, made)
         noise = noise_model(records, made, sensors, scatter)

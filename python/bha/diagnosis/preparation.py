@@ -16,6 +16,7 @@ from scipy.signal import firwin
 
 from bha.errors import InputError
 from bha.estimation.records import Record, reading_noise
+from bha.estimation.strays import without_strays
 from bha.recordings import Observation
 
 if TYPE_CHECKING:
@@ -161,6 +162,16 @@ def thin(record: Record, factor: int) -> Record:
 def cut_to(record: Record, thinned: Record) -> Record:
     """The rows of ``record`` from the first to the last of ``thinned``."""
     return record.kept((record.rows >= thinned.rows[0]) & (record.rows <= thinned.rows[-1]))
+
+
+def sound_records(full: Sequence[Record], thinned: Sequence[Record], shown: Sequence[Array]) -> list[Record]:
+    """The records without stray readings (:mod:`bha.estimation.strays`), by what a model shows of each, (rows, C).
+
+    As they are where any had to be thinned: readings are so dense then that strays showed by their shape.
+    """
+    if any(len(record) != len(own) for record, own in zip(full, thinned, strict=True)):
+        return list(full)
+    return without_strays(thinned, shown)
 
 
 def left_open_in_words(record: Record) -> str:

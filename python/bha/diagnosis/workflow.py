@@ -33,6 +33,7 @@ from bha.diagnosis.preparation import (
     left_open_in_words,
     prepare,
     sensed_noise,
+    sound_records,
     split,
     thin,
     with_least_noise,
@@ -51,6 +52,7 @@ from bha.errors import InputError
 from bha.estimation.engine import Model
 from bha.estimation.records import Record, Window
 from bha.estimation.steady import start_scatter
+from bha.estimation.strays import in_words
 from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
@@ -143,6 +145,10 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     model = baseline.fit.model
     problem, plain_fit = baseline.problem, baseline.fit
     holdout = _holdout(baseline, prepared, held)
+    before_strays = held
+    sound = sound_records(held, holdout.problem.records, holdout.predict(model, plain_fit.x).outputs)
+    if sound != held:
+        holdout = _holdout(baseline, prepared, sound)
     held = list(holdout.readings.records)
     first = Trial((), plain_fit, holdout)
     prediction = first.prediction
@@ -161,6 +167,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         if commanded and r.drive.time[0] > log.time[0]
     ]
     state.notes += [text for r in (*train, *held) if (text := left_open_in_words(r))]
+    state.notes += filter(None, map(in_words, (*train, *before_strays), (*prepared.full, *held)))
     if scatter is not None and np.any(scatter > baseline.noise.sensor * 0.3):
         state.notes.append(
             f"logs that begin under the same pressures begin {1e3 * float(np.max(scatter)):.2g} mm apart (RMS): "

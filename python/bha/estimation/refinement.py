@@ -30,6 +30,7 @@ from bha.estimation.problem import HUBER, Normal, Point, Problem, Residuals, sta
 from bha.estimation.records import Record, Window, some_of, windows
 from bha.estimation.runs import Integration
 from bha.estimation.solver import Interrupted, Outcome, Policy, solve
+from bha.estimation.strays import is_sparse, without_strays
 from bha.estimation.uncertainty import Uncertainty, correlation_length, uncertainty
 from bha.runs.options import Method
 from bha.support.shown import short_repr
@@ -202,6 +203,7 @@ def refine(
     try:
         for number, stage in enumerate(stages):
             final = number == len(stages) - 1
+            model = replace(model, records=_sound(model.records, reached))
             staged = replace(model, records=tuple(r.thinned(stage.interval) for r in model.records))
             z = np.zeros(len(coordinates)) if reached is None else reached[1].point.z
             if final and reached is not None:
@@ -232,8 +234,7 @@ def refine(
         assert reached is not None
         searched = True
         problem, outcome = reached
-        noises = _with_noises(problem, outcome, settings, pace)
-        if noises is not None:
+        if (noises := _with_noises(problem, outcome, settings, pace)) is not None:
             problem, outcome = reached = noises.problem, noises.outcome
         outcome, known, moved = _known(problem, outcome, noises, settings, pace)
     except KeyboardInterrupt:
@@ -413,6 +414,20 @@ def _on_all_rows(problem: Problem, model: Model, point: Point) -> tuple[Problem,
         end = len(model.records[w.record]) if k + 1 == len(pieces) or pieces[k + 1].record != w.record else None
         pieces[k] = replace(w, last=end or pieces[k + 1].first)
     return replace(problem, model=model, windows=tuple(pieces)), point.states
+
+
+def _sound(records: Sequence[Record], reached: tuple[Problem, Outcome] | None) -> tuple[Record, ...]:
+    """The records without stray readings, by where a search has ended; those as they are that it saw thinned."""
+    if reached is None or not any(is_sparse(rec) for rec in records):
+        return tuple(records)
+    problem, outcome = reached
+    seen = problem.model.records
+    shown = [np.full(rec.measured.shape, np.nan) for rec in seen]
+    predictions = problem.model.predict(outcome.point.z, problem.windows, outcome.point.states)
+    for window, predicted in zip(problem.windows, predictions, strict=True):
+        shown[window.record][window.first : window.last] = predicted
+    sound = without_strays(seen, shown)
+    return tuple(new if len(new) == len(rec) else rec for rec, new in zip(records, sound, strict=True))
 
 
 def _stage_problem(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from bha.estimation.lags import CommonTime
 from bha.estimation.preload import typical
 from bha.estimation.records import Record
 from bha.estimation.refinement import Refinement
+from bha.estimation.strays import without_strays
 from bha.identification.holdout import Prediction, predict
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.provenance import Mark, marked
@@ -284,7 +285,8 @@ def _held_out(start: Arm, refinement: Refinement, records: Sequence[Record]) -> 
     for rec in records:
         before = predict(start, [rec])[0]
         after = predict(refinement.arm_of(rec.session), [rec])[0]
-        found.append(HeldOut(before, after))
+        sound = without_strays([rec], [after.predicted])[0]
+        found.append(HeldOut(replace(before, record=sound), replace(after, record=sound)))
     return found
 
 

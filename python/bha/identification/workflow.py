@@ -17,6 +17,7 @@ from bha.estimation.preload import preloads_of
 from bha.estimation.records import Record
 from bha.estimation.refinement import Settings, refine, remembers
 from bha.estimation.scale import default_free_of, scale_of
+from bha.estimation.strays import in_words
 from bha.identification.arranged import arranged, by_session
 from bha.identification.result import Identification, identification
 from bha.identification.words import joined
@@ -112,7 +113,9 @@ def identify(
     result = identification(arm, fit, held)
     commanded = any(rec.drive.commanded for rec in used)
     times = common_times(fit.arm, mean_pressures(used), _lag_error(result)) if commanded else ()
-    notes = (*found.faults, *found.repairs, *_notes(start, result, used), *map(_of_time, times))
+    seen = [*fit.problem.model.records, *(one.after.record for one in result.held_out)]
+    strays = filter(None, map(in_words, [*used, *held], seen))
+    notes = (*found.faults, *found.repairs, *_notes(start, result, used), *strays, *map(_of_time, times))
     return replace(result, notes=notes, common_times=times)
 
 

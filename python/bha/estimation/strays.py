@@ -1,0 +1,124 @@
+"""Single readings that show something else than the arm, told by what a fitted model leaves.
+
+Where readings are dense a spike shows by its shape (:mod:`bha.recordings.samples`). At ten readings a second an arm may
+be away and home again between two of them, and only a model that has been fitted says that it was not: what it leaves
+jumps at one reading of one channel and is home again. That is a stray reading where it jumps
+
+- by many times what residuals do nearby, and what the sensor's noise does;
+- further than the arm goes, as the model has it, from the reading before to the one after: a model that errs in time,
+  by a lag, a dead time or its damping, errs by no more than that;
+- in this channel alone: what acts on the arm moves others, too.
+
+Few strays decide a root mean square: three of 25 mm among 300 readings make 2.5 mm.
+Limits: three strays among seven readings, and such as several channels have at once, count as readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from bha.estimation.records import Record
+from bha.recordings.samples import LONE_INTERVAL
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Off the readings around it a stray is by this many times what those nearby are (median), as many noises, and as much
+#: as the arm moves, as modelled, between the readings before and after.
+_USUAL, _NOISES, _MOTIONS = 10.0, 10.0, 1.0
+#: Readings whose median tells what is usual.
+_NEARBY = 41
+#: Part of that by which readings around it may differ and are home, and how many of the six may be away.
+_HOME, _AWAY = 0.3, 2
+#: What other channels may be off at that reading, by those nearby.
+_OTHERS = 6.0
+#: Fewest readings of a channel, and share of them that may be strays; more is how the sensor is.
+_FEWEST, _MOST = 40, 0.05
+
+
+def without_strays(records: Sequence[Record], shown: Sequence[Array]) -> list[Record]:
+    """The records with stray readings not counting, as spikes among the facts of their channels.
+
+    Args:
+        records: the records.
+        shown: what a model shows of each, (rows, C); NaN where it shows nothing.
+    """
+    return [_marked(record, strays(record, outputs)) for record, outputs in zip(records, shown, strict=True)]
+
+
+def in_words(before: Record, after: Record) -> str:
+    """What was found in a record, for the notes; empty where that is nothing."""
+    counts = [len(b.spikes) - len(a.spikes) for a, b in zip(before.facts, after.facts, strict=True)]
+    found = [f"{count} of {fact.name}" for fact, count in zip(after.facts, counts, strict=True) if count]
+    if not found:
+        return ""
+    return (
+        f"{after.name}: single readings lie where the arm cannot have been between those before and after ("
+        f"{', '.join(found)}); they do not count"
+    )
+
+
+def is_sparse(record: Record) -> bool:
+    """Whether readings of some channel are so far apart that spikes do not show by their shape."""
+    return any(fact.interval > LONE_INTERVAL for fact in record.facts)
+
+
+def _marked(record: Record, stray: Mask) -> Record:
+    if not np.any(stray):
+        return record
+    facts = tuple(
+        replace(fact, spikes=tuple(sorted({*fact.spikes, *record.time[own].tolist()})))
+        for fact, own in zip(record.facts, stray.T, strict=True)
+    )
+    return replace(record, usable=record.usable & ~stray, facts=facts)
+
+
+def strays(record: Record, shown: Array) -> Mask:
+    """Which readings are strays, shape (rows, C)."""
+    found = np.zeros(record.usable.shape, dtype=np.bool_)
+    share = np.zeros(found.shape)
+    for c, good in enumerate((record.usable & np.isfinite(shown)).T):
+        rows = np.flatnonzero(good)
+        if len(rows) < _FEWEST or record.facts[c].interval <= LONE_INTERVAL:
+            continue
+        around = _around(record.measured[rows, c] - shown[rows, c])
+        off = np.abs(around.off)
+        usual = median_filter(off, _NEARBY, mode="nearest")
+        share[rows, c] = off / np.maximum(usual, 1e-15)
+        # From the reading before, and to the one after.
+        steps = np.abs(np.diff(shown[rows, c], prepend=shown[rows[0], c], append=shown[rows[-1], c]))
+        motion = steps[:-1] + steps[1:]
+        least = np.maximum(np.maximum(_USUAL * usual, _NOISES * record.noise[c]), _MOTIONS * motion)
+        found[rows, c] = (off > least) & around.is_home
+    found[np.sum(share > _OTHERS, axis=1) > 1] = False
+    return np.asarray(found & (found.sum(axis=0) <= _MOST * record.usable.sum(axis=0)))
+
+
+@dataclass(frozen=True)
+class _Around:
+    """How readings lie beside those around them.
+
+    Attributes:
+        off: from the median of the three before and the three after, shape (m,).
+        is_home: whether all but two of these are near their median, and one of the two next to it is, shape (m,).
+    """
+
+    off: Array
+    is_home: Mask
+
+
+def _around(left: Array) -> _Around:
+    count, places = len(left), np.array([-3, -2, -1, 1, 2, 3])
+    at = np.arange(count)[:, None] + places
+    others = np.where((at >= 0) & (at < count), left[np.clip(at, 0, count - 1)], np.nan)
+    middle = np.nanmedian(others, axis=1)
+    off = left - middle
+    with np.errstate(invalid="ignore"):
+        near = np.abs(others - middle[:, None]) < _HOME * np.abs(off)[:, None]
+    missing = np.sum(np.isfinite(others), axis=1) - near.sum(axis=1)
+    return _Around(off, (missing <= _AWAY) & np.any(near[:, 2:4], axis=1))
