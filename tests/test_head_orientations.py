@@ -218,7 +218,10 @@ def test_sensors_of_single_bellows_are_those_of_coordinates(kind: str) -> None:
     as_coordinates.with_effects([{**table, "where": "bellows 12"}])
     core = json.loads(arm.parameters.to_core_json())
     plan = next(plan for plan in catalogue.available() if plan.kind == "length_offset")
-    assert places.places(plan, core) == ["bellows 21", "bellows 22", "bellows 23"]
+    second = ["bellows 21", "bellows 22", "bellows 23"]
+    assert places.places(plan, core, arm.parameters.measures_coordinates) == second
+    everywhere = as_coordinates.parameters.measures_coordinates
+    assert places.places(plan, core, everywhere) == ["bellows 11", "bellows 12", "bellows 13", *second]
 
 
 def test_a_common_offset_of_sensors_is_one_of_every_bellows() -> None:

@@ -5,16 +5,19 @@ Arms are in the core's description here, places as parameter files write them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bha.diagnosis.plan import KindPlan
 from bha.parameters import EFFECT_KINDS, Place
-from bha.parameters.section import are_standard_bellows
 
 
-def places(plan: KindPlan, core: Mapping[str, Any]) -> list[str]:
-    """Where the kind may sit on an arm, largest places first; not where the arm has one of it already."""
+def places(plan: KindPlan, core: Mapping[str, Any], measured: Sequence[bool] = ()) -> list[str]:
+    """Where the kind may sit on an arm, largest places first; not where the arm has one of it already.
+
+    ``measured`` says for each section whether its lengths are measured as its coordinates: there their sensors are
+    modelled. Of an arm with four bellows in a section they are, if its file says so.
+    """
     sections = core["section"]
     result: list[Place] = []
     for sort in plan.sorts:
@@ -31,8 +34,7 @@ def places(plan: KindPlan, core: Mapping[str, Any]) -> list[str]:
         elif sort == "bellows":
             result += Place().parts("bellows", _inputs(core))
         elif sort == "length":
-            # Sensors of single lengths are modelled where these are the coordinates.
-            own = [i for i, s in enumerate(sections, start=1) if _are_coordinates(s)]
+            own = [i for i, known in enumerate(measured, start=1) if known]
             result += [Place.of_bellows(i, k) for i in own for k in (1, 2, 3)]
         elif sort == "input":
             result += [Place.of_input(name) for name in core["inputs"]]
@@ -63,7 +65,3 @@ def nested(first: str, second: str, core: Mapping[str, Any]) -> bool:
 def _inputs(core: Mapping[str, Any]) -> list[list[str]]:
     """For each section the input of each of its bellows."""
     return [[core["inputs"][int(b["input"])] for b in section["bellows"]] for section in core["section"]]
-
-
-def _are_coordinates(section: Mapping[str, Any]) -> bool:
-    return are_standard_bellows([(b["angle"], b["radius"]) for b in section["bellows"]], section["bellows_radius"])

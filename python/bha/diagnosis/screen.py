@@ -96,7 +96,7 @@ def probe(
     candidates: list[Candidate] = []
     columns: list[tuple[tuple[int, ...], ...]] = []
     for plan in plans:
-        for where in places(plan, core):
+        for where in places(plan, core, fit.model.parameters.measures_coordinates):
             for shape in shapes_at(plan, where, fit, problem):
                 per_strength = []
                 for number, (numbers, size) in enumerate(plan.probed(shape)):

@@ -282,7 +282,7 @@ def _records(
 def _measured(records: Sequence[Record], arm: Arm) -> tuple[bool, bool]:
     """Whether head positions were measured, and whether lengths where effects on their sensors are defined."""
     lengths = records[0].observation.is_length
-    return not all(lengths), any(lengths) and arm.parameters.has_standard_bellows
+    return not all(lengths), any(lengths) and any(arm.parameters.measures_coordinates)
 
 
 def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record]) -> Holdout:

@@ -143,9 +143,8 @@ class ArmParameters(Table):
         check_provenance(self.provenance, stated)
         self._check_areas()
         check_length_sensors(self.length_sensors, len(self.sections))
-        as_coordinates = self.sensors is not None and self.sensors.lengths == "coordinates"
-        measured = [as_coordinates or section.has_standard_bellows for section in self.sections]
-        check_effects(self.effects, [len(s.resolved_bellows(1)) for s in self.sections], self.inputs, measured)
+        bellows = [len(s.resolved_bellows(1)) for s in self.sections]
+        check_effects(self.effects, bellows, self.inputs, self.measures_coordinates)
         return self
 
     def _check_areas(self) -> None:
@@ -296,6 +295,12 @@ class ArmParameters(Table):
         """Names of the pressure inputs in the order in which they first appear."""
         names = (b.input for number, s in enumerate(self.sections, start=1) for b in s.resolved_bellows(number))
         return tuple(dict.fromkeys(names))
+
+    @property
+    def measures_coordinates(self) -> tuple[bool, ...]:
+        """For each section whether its measured lengths q11 .. are its three coordinates."""
+        all_are = self.sensors is not None and self.sensors.lengths == "coordinates"
+        return tuple(all_are or section.has_standard_bellows for section in self.sections)
 
     @property
     def has_standard_bellows(self) -> bool:
