@@ -1,5 +1,8 @@
 """When an error is a gap."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,10 +12,13 @@ from bha.diagnosis.decide import (
     GapTest,
     Thresholds,
     _too_much_noise,
+    decide,
     is_significant,
     tolerant,
     without_faults,
 )
+from bha.diagnosis.holdout import Prediction
+from bha.diagnosis.search import Search
 
 
 @pytest.mark.parametrize(
@@ -71,3 +77,30 @@ def test_less_than_noise_should_make_is_said(mean_square: float, said: bool) -> 
     """Motion that passes for noise (10 Hz logs: 0.15) hides gaps of its size."""
     gap = GapTest(mean_square, 1.0, 1.1, 0.9, False)
     assert ("taken for too great" in _too_much_noise(gap, Thresholds())) is said
+
+
+def _missing(rms: float, *keys: tuple[str, str]) -> Any:
+    """A model that errs by ``rms`` m on ten blocks of held-out logs."""
+    squares = np.full(10, 10.0 * rms**2)
+    prediction = Prediction((), (), np.empty(0), squares, squares, np.full(10, 10), rms, ())
+    return SimpleNamespace(key=keys, candidates=keys, prediction=prediction, label=" and ".join(k for k, _ in keys))
+
+
+@pytest.mark.parametrize(
+    ("after", "kinds", "verdict"),
+    [
+        # Two thirds of a gap of five times the noise: one name is there, two are a form that neither has.
+        (3.0, ["weak_bellows"], "named"),
+        (3.0, ["weak_bellows", "payload"], "unexplained"),
+        (4.0, ["weak_bellows"], "unexplained"),
+        # What is left is no gap.
+        (1.2, ["weak_bellows", "payload"], "named"),
+    ],
+)
+def test_one_name_may_leave_more_than_several(after: float, kinds: list[str], verdict: str) -> None:
+    best = _missing(after * 1e-3, *((kind, "section 1") for kind in kinds))
+    decided = decide(Search(_missing(5e-3), best), GapTest(25.0, 1.0, 1.1, 5.0, True), 1e-3, Thresholds())
+    assert decided.verdict == verdict
+    assert ("what is left is 3 times the noise and not explained" in decided.reason) == (
+        kinds == ["weak_bellows"] and after == 3.0
+    )

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bha.diagnosis.fit import Fit, Problem, columns, evaluate
 from bha.diagnosis.holdout import Holdout, Prediction, rms_errors, share_removed
 from bha.diagnosis.information import information
+from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.search import Search
 
 if TYPE_CHECKING:
@@ -37,9 +38,10 @@ class Thresholds:
         material: least gap, RMS over noise, that is worth a name. On the training logs the same, in the white residual,
             is a gap whatever the held-out logs say: uncertain parameters excuse an error there, not on the logs they
             were fitted to.
-        closure: least share of the excess that the named effects must remove.
-        half: the same where what is left would be no gap by itself, below ``material``.
-        left: greatest error left over noise at which a closure below ``good_closure`` still counts as explained.
+        closure: least share of the excess that several named effects must remove.
+        half: the same of one effect alone, and where what is left would be no gap by itself, below ``material``.
+        left: greatest error left over noise at which several effects with a closure below ``good_closure`` still count
+            as an explanation.
         good_closure: closure from which on any error left is a matter of the effect's form.
         fine: gap over noise from which the sensors are so fine that no model of this kind comes near their noise: then
             the closure alone decides, and what is left is said.
@@ -47,7 +49,7 @@ class Thresholds:
 
     deviations: float = 4.0
     model: float = 0.06
-    material: float = 1.3
+    material: float = MATERIAL
     closure: float = 0.7
     half: float = 0.5
     left: float = 2.5
@@ -158,7 +160,10 @@ def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, toler
         return Decision(
             "unexplained", "there is a gap, and no effect of the catalogue earns its place in explaining it", 0.0
         )
-    if closure < (limits.half if left < limits.material else limits.closure):
+    # Several names for a part of a gap are a form that none of them has. One that stands out from all others, beside
+    # which none is needed, is there whatever else is: disturbances, and forms other than the catalogue's.
+    alone = len(set(search.best.key)) == 1
+    if closure < (limits.half if alone or left < limits.material else limits.closure):
         return Decision(
             "unexplained",
             f"the best known effects ({search.best.label}) remove {100 * closure:.0f} % of the excess error on held-out"
@@ -167,14 +172,15 @@ def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, toler
         )
     removed = f"{100 * closure:.0f} % of the excess error on held-out logs is removed"
     fine = gap.ratio > limits.fine
-    if closure < limits.good_closure and left > limits.left and not fine:
+    partly = closure < limits.good_closure and left > limits.left
+    if partly and not alone and not fine:
         return Decision(
             "unexplained",
             f"the best known effects ({search.best.label}) leave an error of {left:.1f} times the noise "
             f"({100 * closure:.0f} % of the excess removed)",
             closure,
         )
-    rest = f"; what is left is {left:.0f} times the noise and not explained" if fine else ""
+    rest = f"; what is left is {left:.2g} times the noise and not explained" if fine or partly else ""
     return Decision("named", removed + rest, closure)
 
 

@@ -13,7 +13,6 @@ from bha.diagnosis.contenders import contenders
 from bha.diagnosis.given import Given
 from bha.diagnosis.ranking import by_criterion, in_order
 from bha.diagnosis.refit import Trial, added, refined
-from bha.diagnosis.rules import NOISE_LEFT
 from bha.diagnosis.screen import Scored, score
 from bha.diagnosis.search import Search, by_chance, gain
 
@@ -47,8 +46,8 @@ def forward(given: Given, search: Search) -> None:
             return
         search.best = best
         search.notes.append(f"taken in: {best.key[-1][0]} at {best.key[-1][1]}, {by_chance(chance)}")
-        if best.fit.squares / problem.rows < NOISE_LEFT and len(best.candidates) < rules.most:
-            search.notes.append("what is left is noise: no further effect is sought")
+        if best.fit.squares / problem.rows < rules.shows**2 and len(best.candidates) < rules.most:
+            search.notes.append("what is left is no gap: no further effect is sought")
             return
 
 

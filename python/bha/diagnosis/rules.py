@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 #: Mean square of the white residual below which what is left is noise.
 NOISE_LEFT = 1.02
+#: Least RMS error without a name over that with it for which the name is worth being said: the first one against the
+#: noise, each further one against what the others, fitted again without it, leave.
+MATERIAL = 1.3
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class Rules:
         even: distance of the criterion within which the better prediction of left-out training logs decides.
         share: least share of the plain model's excess error on left-out training logs that it has to remove.
         worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        shows: least error of the others, fitted again without an effect, over that with it, RMS in the white residual
+            of left-out training logs: what one name leaves needs a second one only if it is a gap itself.
         rest: least share of what the effects so far leave of that excess; reaching this one is enough, too: beside a
             strong effect a weaker one counts that explains much of what the strong one does not.
         near: a candidate is refitted if it promises at least this share of what the best one does.
@@ -48,6 +53,7 @@ class Rules:
     even: float = 6.0
     share: float = 0.025
     worth: float = 0.02
+    shows: float = MATERIAL
     rest: float = 0.3
     near: float = 0.25
     like: float = 0.6

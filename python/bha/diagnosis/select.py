@@ -48,7 +48,10 @@ def again(given: Given, state: Search) -> None:
     problem, rules = given.problem, given.rules
     excess = max(0.0, state.plain.fit.squares - problem.rows)
     found = state.best
-    if not state.rivals or not found.candidates or found.fit.squares - problem.rows <= rules.open * excess:
+    gap = found.fit.squares / problem.rows >= rules.shows**2
+    if not state.rivals or not found.candidates or not gap:
+        return
+    if found.fit.squares - problem.rows <= rules.open * excess:
         return
     start = _other_beginning(state, found, rules.refined)
     if start is None:
