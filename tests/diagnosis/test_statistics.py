@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 from bha.diagnosis import crossing, holdout
@@ -16,7 +17,7 @@ from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
 from bha.diagnosis.memory import memory, numbers_per_independent
 from bha.diagnosis.preparation import cut_to, thin
-from bha.diagnosis.screen import Signatures, score
+from bha.diagnosis.screen import Signatures, one_sided, score
 from bha.diagnosis.search import told
 
 from .synthetic import record_of
@@ -248,3 +249,21 @@ def test_a_few_blocks_in_which_a_swing_ran_off_do_not_decide() -> None:
     # As much as twice the plain model's worst is an error like any other, and so is what runs off all the time.
     assert holdout.rms_errors(plain, prediction([1.0] * 19 + [16.0]))[1] == pytest.approx(np.sqrt(1.75) * 1e-3)
     assert holdout.rms_errors(plain, prediction([1.0] * 15 + [900.0] * 5))[1] > 14e-3
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_strengths_that_are_none_if_negative_are_those_of_non_negative_least_squares(count: int) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        table, wanted = rng.standard_normal((9, count)), rng.standard_normal((9, 7))
+        normal, right = table.T @ table, table.T @ wanted
+        found = one_sided(np.linalg.solve(normal, right), normal, right)
+        assert found == pytest.approx(np.array([nnls(table, column)[0] for column in wanted.T]).T, abs=1e-12)
+
+
+def test_a_lag_or_a_torsion_has_no_negative_strength() -> None:
+    plans = {plan.kind: plan for plan in available(None)}
+    one = {"pressure_lag", "torsion", "section_coupling", "creep", "friction", "delay"}
+    either = {"payload", "tool_drag", "base_tilt", "pressure_gain", "effective_area"}
+    assert all(plans[kind].is_one_sided for kind in one)
+    assert not any(plans[kind].is_one_sided for kind in either)

@@ -206,6 +206,7 @@ PLANS: tuple[KindPlan, ...] = (
         grid=(Shape("tau", (0.01, 0.04, 0.15, 0.6)),),
         probes=_lag_probes,
         begin=_lag_start,
+        forward=True,
         further=lambda old: [{"tau": 0.25 * math.sqrt(old["fill"] * old["vent"])}],
         adding=("fill", "vent"),
     ),
@@ -234,6 +235,7 @@ PLANS: tuple[KindPlan, ...] = (
         grid=(Shape("trial", (10.0,)),),
         probes=_torsion_probes,
         begin=_torsion_start,
+        forward=True,
         needs_heads=True,
     ),
     # Lengths see it by the weights' lever arms alone, and then as something else.

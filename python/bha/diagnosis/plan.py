@@ -73,6 +73,7 @@ class KindPlan:
         further: of a kind of which several may act in one place (branches, stages): from the numbers of the one that is
             there the shapes from which another is sought.
         adding: numbers whose sum over such elements is what they amount to together.
+        forward: of a kind with probes of its own, whether none of their strengths may be negative.
         bank: numbers of the elements of a bank, by growing shape: several elements in one place with a strength each,
             none of them negative. Each is a candidate by itself, too.
     """
@@ -94,6 +95,12 @@ class KindPlan:
     further: Callable[[Numbers], list[dict[str, float]]] | None = None
     adding: tuple[str, ...] = ()
     bank: tuple[Numbers, ...] = ()
+    forward: bool = False
+
+    @property
+    def is_one_sided(self) -> bool:
+        """Whether none of the strengths of its probes may be negative: there is no lag of less than none."""
+        return self.forward if self.probes is not None else not any(s.signed for s in self.strengths)
 
     @property
     def size(self) -> int:

@@ -355,7 +355,8 @@ def likenesses(screening: Screening, signatures: Signatures, which: Sequence[int
 def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tuple[Array, Array, float]:
     """Scores, shape (draws,), and strengths, shape (k, draws), of one candidate for ``right``, shape (k, draws).
 
-    Directions that the plain parameters can do count for nothing. The last is the deviation of its first strength.
+    Directions that the plain parameters can do count for nothing, and so do strengths that are none: a lag that fills
+    before it is told. The last is the deviation of its first strength.
     """
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
@@ -370,7 +371,15 @@ def _best(candidate: Candidate, normal: Array, right: Array, size: Array) -> tup
         # The probe is the whole effect: it counts with about its own strength.
         strengths = np.clip(right / normal[0, 0], 0.5, 2.0)
         return np.maximum(0.0, (2.0 * strengths * right - strengths**2 * normal[0, 0])[0]), strengths, deviation
-    signed = plan.strengths[0].signed if plan.strengths else False
-    if len(right) == 1 and not signed:
-        strengths = np.maximum(strengths, 0.0)
+    if plan.is_one_sided:
+        strengths = one_sided(strengths, normal, right)
     return np.einsum("kj,kj->j", right, strengths), strengths, deviation
+
+
+def one_sided(strengths: Array, normal: Array, right: Array) -> Array:
+    """The best strengths none of which is negative, from the best ones of either sign, shape (k, draws), k <= 2."""
+    negative = np.any(strengths < 0.0, axis=0)
+    alone = np.maximum(right / np.maximum(np.diag(normal), 1e-300)[:, None], 0.0)
+    # The least of a quadratic over a quarter of the plane, if it is not inside, lies on one of its sides.
+    on_side = np.where(np.arange(len(right))[:, None] == np.argmax(alone * right, axis=0), alone, 0.0)
+    return np.where(negative, on_side, strengths)
