@@ -81,7 +81,8 @@ def _each_without(given: Given, search: Search) -> dict[tuple[str, str], Trial]:
     keys = current.key
 
     def refitted(k: int) -> Trial | None:
-        return search.plain if len(keys) == 1 else without(given, current, k)
+        rest = tuple(key for number, key in enumerate(keys) if number != k)
+        return search.plain if not rest else search.fitted(rest) or without(given, current, k)
 
     def say(k: int) -> None:
         given.say(f"pruning: without {keys[k][0]} at {keys[k][1]}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from bha.diagnosis.fit import Problem
@@ -38,6 +39,11 @@ class Search:
     doubtful: dict[tuple[str, str], float] = field(default_factory=dict)
     chosen: Trial | None = None
     complete: bool = False
+
+    def fitted(self, keys: Sequence[tuple[str, str]]) -> Trial | None:
+        """The best trial with these effects that has been fitted to its end, in any order; None for none."""
+        own = [t for t in self.trials if sorted(t.key) == sorted(keys) and t.fit.jacobian is not None]
+        return min(own, key=lambda t: t.fit.cost) if own else None
 
 
 def gain(smaller: Trial, larger: Trial) -> float:
