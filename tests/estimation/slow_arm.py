@@ -47,12 +47,23 @@ def arm_of(values: dict[str, float], *, apart: bool = False, lag: float | None =
     return bha.Arm(ArmParameters.from_mapping(table))
 
 
-def log_of(arm: bha.Arm, seed: int, *, commanded: bool = False, turn: float = 0.0, duration: float = 30.0) -> Log:
-    """Steps held for seconds, the tip with 0.2 mm of noise; ``turn``: angle of the camera about the arm's axis, rad."""
+def log_of(
+    arm: bha.Arm,
+    seed: int,
+    *,
+    commanded: bool = False,
+    turn: float = 0.0,
+    duration: float = 30.0,
+    driven: tuple[int, ...] = (0, 1, 2, 3),
+) -> Log:
+    """Steps held for seconds in the ``driven`` inputs, the tip with 0.2 mm of noise.
+
+    ``turn``: angle of the camera about the arm's axis, rad.
+    """
     random = np.random.default_rng(seed)
     time = np.arange(0.0, duration, 0.02)
     levels = random.uniform(0.0, 5.0e4, (int(duration / 2.5) + 1, 4))
-    pressures = 101325.0 + levels[(time / 2.5).astype(int)]
+    pressures = 101325.0 + levels[(time / 2.5).astype(int)] * np.isin(range(4), driven)
     run = bha.simulate(arm, bha.Input(time, pressures, commanded=commanded), times=time, method="ros2", step=2e-3)
     x, y, z = run.head_positions[:, 0].T
     tip: NDArray[np.float64] = np.column_stack(

@@ -18,9 +18,9 @@ from .slow_arm import LAG, TRUE, arm_of, log_of
 GAINS, TURNS = (0.08, -0.06, 0.05, -0.07), (4.0, -3.0, -4.0, 3.0)
 
 
-def begun(log: Log) -> Begin:
+def begun(*logs: Log) -> Begin:
     guess = arm_of({"stiffness": 200.0, "terminal_area": 9e-5, "bending_stiffness": 0.2, "damping": 1.0})
-    records = [record(guess, log)]
+    records = [record(guess, log) for log in logs]
     arm, lags = with_lag(guess, records)
     free = (*default_free_of(arm.parameters, records), *lags)
     return begin(arm, records, free, whole=bool(lags), splits=True)
@@ -30,13 +30,19 @@ def kinds(found: Begin) -> set[str]:
     return {effect.kind for effect in found.arm.parameters.effects}
 
 
-def test_chambers_that_are_not_alike_get_gains_and_azimuths() -> None:
+def unlike(sign: float) -> bha.Arm:
+    """The arm whose chambers differ by the gains and azimuths, or by their opposites."""
     mapping = arm_of(TRUE, apart=True).parameters.to_mapping()
     for bellows, gain, turn in zip(mapping["section"][0]["bellows"], GAINS, TURNS, strict=True):
-        bellows["terminal_area"] = TRUE["terminal_area"] * (1.0 + gain)
-        bellows["angle_deg"] += turn
-    true = bha.Arm(arm_of(TRUE).parameters.updated(mapping))
-    found = begun(log_of(true, 1, duration=20.0))
+        bellows["terminal_area"] = TRUE["terminal_area"] * (1.0 + sign * gain)
+        bellows["angle_deg"] += sign * turn
+    return bha.Arm(arm_of(TRUE).parameters.updated(mapping))
+
+
+@pytest.mark.parametrize("seeds", [(1,), (1, 2)])
+def test_chambers_that_are_not_alike_get_gains_and_azimuths(seeds: tuple[int, ...]) -> None:
+    true = unlike(1.0)
+    found = begun(*[log_of(true, seed, duration=20.0) for seed in seeds])
     assert "pressure_gain" in kinds(found)
     assert len(found.said) == 1
     starts = [f.start for f in found.free if f.path.endswith(".gain")]
@@ -44,6 +50,12 @@ def test_chambers_that_are_not_alike_get_gains_and_azimuths() -> None:
     gains = np.array([start for start in starts if start is not None])
     assert gains - gains.mean() == pytest.approx(np.array(GAINS) - np.mean(GAINS), abs=0.02)
     assert found.trial.spread < 1e-3
+
+
+def test_what_chambers_differ_by_in_one_log_alone_is_not_kept() -> None:
+    """No other log confirms it: a gap of the model that follows a motion looks the same and does not carry over."""
+    logs = [log_of(unlike(1.0), seed, duration=20.0, driven=pair) for seed, pair in ((1, (0, 1)), (2, (2, 3)))]
+    assert "pressure_gain" not in kinds(begun(*logs))
 
 
 def test_powers_of_springs_are_asked_for_where_the_file_has_one() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -136,3 +138,13 @@ def test_a_start_at_its_bound_is_within_it() -> None:
     coordinates = resolve(parameters, [FreeParameter("section.1.damping", start=3000.0, upper=1e4)])
     (started,) = _started(coordinates, np.array([coordinates[0].bounds[1]]))
     assert resolve(parameters, [started])[0].start == 1e4
+
+
+@pytest.mark.parametrize(("drift", "creeps"), [(0.0, False), (6e-3, True)])
+def test_a_slow_arm_that_errs_for_seconds_creeps(drift: float, creeps: bool) -> None:
+    """What no model of held poses explains, as long as a window and longer: whole logs, not first states, bear it."""
+    arm = guessed(600.0)
+    rec = record(arm, log_of(arm_of(TRUE, apart=True), 1))
+    records = [replace(rec, measured=rec.measured + drift * np.sin(2.0 * np.pi * rec.time[:, None] / 25.0))]
+    found = begin(arm, records, default_free_of(arm.parameters, records), whole=False, splits=True)
+    assert found.creeps == creeps

@@ -45,6 +45,8 @@ class Asked:
         said: what was added, in words.
         static: whether it acts on held poses, so that these must be better with it too.
         begins: whether it says where logs begin, so that simulations of whole logs must be better with it.
+        carries: whether it may fit what other motions do not have, so that held poses of logs left out of the statics
+            must be better with it.
     """
 
     parameters: ArmParameters
@@ -52,6 +54,7 @@ class Asked:
     said: str
     static: bool
     begins: bool = False
+    carries: bool = False
 
 
 def curved_springs(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
@@ -137,4 +140,4 @@ def unlike_chambers(parameters: ArmParameters, free: Sequence[FreeParameter | st
                 continue
             more.append(FreeParameter(path, prior=(bellows.angle, AZIMUTH), logarithmic=False, scale=AZIMUTH))
     said = "chambers are not alike: gains of inputs (effect pressure_gain) and azimuths of chambers were added"
-    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, True)
+    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, True, carries=True)

@@ -26,7 +26,7 @@ from bha.estimation.lags import PATHS, delayed
 from bha.estimation.preload import preloads_of
 from bha.estimation.records import Record
 from bha.estimation.runs import Integration
-from bha.estimation.statics import Statics, fit_statics, refit_statics
+from bha.estimation.statics import Statics, fit_statics, left_out, refit_statics
 from bha.parameters import paths
 
 Array = NDArray[np.float64]
@@ -43,8 +43,11 @@ _BEST = 4
 _LATE = 3
 #: Part by which areas change over half of the range of lengths from which on forces must be those of their work.
 _AREAS = 0.25
-#: An arm that lags longer than this, s, creeps rather than swings.
+#: An arm that lags longer than this, s, is pushed through its poses rather than swings.
 _SLOW = 0.1
+#: What held poses leave lasts, of a material that creeps, longer than this, s: half a window of the joint fit. From
+#: there on first states of windows would make up for it.
+_LASTS = 3.0
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,13 @@ class Begin:
     def skips_short_windows(self) -> bool:
         """Whether windows shorter than a few lags would only unlearn what the statics have told of a slow arm."""
         return self.statics is not None and not self.from_file and self.statics.lag(*_ACROSS) > _SLOW
+
+    @property
+    def creeps(self) -> bool:
+        """Whether the material creeps: what holds the arm differs from log to log, or a slow arm errs for seconds."""
+        if preloads_of(self.arm.parameters) is not None:
+            return True
+        return self.skips_short_windows and self.statics is not None and self.statics.lasts > _LASTS
 
 
 def begin(
@@ -190,10 +200,20 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
             better = more.tried[0].merit < found.tried[0].merit - _GAIN * channels
         if asked.static:
             better &= more.statics.merit < found.statics.merit - _GAIN * found.statics.channels
+        if better and asked.carries and len(records) > 1:
+            before, after = (_left_out(one, records) for one in (found, more))
+            better = after < before - _GAIN * found.statics.channels
         if better:
             found = _conjugate(more, model) if asked.begins else more
             said.append(asked.said)
     return found, said
+
+
+def _left_out(found: _Found, records: Sequence[Record]) -> float:
+    """What fits to the other records leave of each record's held poses."""
+    assert found.statics is not None
+    z = _with_values(found.coordinates, found.tried[0].z, found.statics)
+    return left_out(found.arm.parameters, found.coordinates, records, z, found.statics.lags)
 
 
 def _conjugate(found: _Found, model: Model) -> _Found:

@@ -25,6 +25,7 @@ from bha.estimation.free import Coordinate
 from bha.estimation.held import Held, HeldPoses, sort_of
 from bha.estimation.records import Record
 from bha.estimation.slow import slow_record
+from bha.estimation.uncertainty import correlation_length
 from bha.parameters import ArmParameters, paths
 
 Array = NDArray[np.float64]
@@ -76,6 +77,7 @@ class Statics:
         spread: robust spread of what is left, m, the root mean square over channels.
         merit: sum over channels of the logarithm of the spread: the smaller, the better.
         channels: how many channels these are.
+        lasts: for how long what is left errs alike, s, the median over channels.
         converged: whether nothing was left to gain.
         rivals: other fits that statics alone hardly tell from this one; a simulation may.
     """
@@ -87,6 +89,7 @@ class Statics:
     spread: float
     merit: float
     channels: int
+    lasts: float
     converged: bool
     rivals: tuple[Statics, ...] = ()
 
@@ -164,6 +167,34 @@ def refit_statics(
     places = [k for k, c in enumerate(coordinates) if is_static(c)]
     own = tuple(coordinates[k] for k in places)
     return _refined(_poses(parameters, own, records, _SEARCH_CELLS), z[places], lags, 2)
+
+
+def left_out(
+    parameters: ArmParameters, coordinates: Sequence[Coordinate], records: Sequence[Record], z: Array, lags: Array
+) -> float:
+    """Merit of each record's held poses under a fit to the others, from a point with its lags: what carries over.
+
+    Infinite where the others hold no poses, or show a sort of channels less. On coarse cells: to compare arms by.
+    """
+    places = [k for k, c in enumerate(coordinates) if is_static(c)]
+    own = tuple(coordinates[k] for k in places)
+    everything = _poses(parameters, own, records, _NEAR_CELLS)
+    total = 0.0
+    for k, slow in enumerate(everything.records):
+        others = replace(everything, records=(*everything.records[:k], *everything.records[k + 1 :]))
+        alone = replace(everything, records=(slow,))
+        if set(others.sorts) != set(everything.sorts):
+            return math.inf
+        own_lags = dict(zip(everything.sorts, lags, strict=True))
+        start = np.array([own_lags[sort] for sort in others.sorts])
+        found = _refined(others, z[places], start, 1, tolerance=_NEAR_TOLERANCE)
+        if found is None:
+            return math.inf
+        own_lags = dict(zip(found.sorts, found.lags, strict=True))
+        behind = np.array([own_lags[sort] for sort in alone.sorts])
+        shown = alone.lagged(alone.shown(found.z, alone.held(found.z)), behind)
+        total += _merit(alone, shown, centred=True)
+    return total
 
 
 def _starts(poses: HeldPoses, points: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array]]:
@@ -373,9 +404,15 @@ def _refined(poses: HeldPoses, z: Array, lags: Array, rounds: int, *, tolerance:
     merit = _merit(poses, shown, centred=False)
     if not math.isfinite(merit):
         return None
-    spreads = [_spread(column) for table in _errors(poses, shown) for column in table.T if np.isfinite(column).any()]
+    spreads, lasts = [], []
+    for slow, table in zip(poses.records, _errors(poses, shown), strict=True):
+        for column in table.T:
+            if (seen := np.isfinite(column)).any():
+                spreads.append(_spread(column))
+                lasts.append(slow.step * correlation_length([column[seen]]))
     spread = float(np.sqrt(np.mean(np.square(spreads))))
-    return Statics(poses.coordinates, z, lags, poses.sorts, spread, merit, len(spreads), done)
+    lasting = float(np.median(lasts))
+    return Statics(poses.coordinates, z, lags, poses.sorts, spread, merit, len(spreads), lasting, done)
 
 
 def _scales(poses: HeldPoses, held: Sequence[Held], z: Array, lags: Array) -> list[Array] | None:

@@ -13,7 +13,6 @@ from bha.estimation.begin import Begin, begin
 from bha.estimation.free import FreeParameter
 from bha.estimation.lags import PATHS as LAG_PATHS
 from bha.estimation.lags import CommonTime, common_times, with_lag
-from bha.estimation.preload import preloads_of
 from bha.estimation.records import Record
 from bha.estimation.refinement import Settings, refine, remembers
 from bha.estimation.scale import default_free_of, scale_of
@@ -105,7 +104,7 @@ def identify(
         threads=settings.threads,
         tell=None if progress is None else lambda text, done: progress(text, _BEGIN_SHARE * done),
     )
-    if settings.windows is None and preloads_of(start.arm.parameters) is not None:
+    if settings.windows is None and start.creeps:
         settings = _of_an_arm_that_creeps(settings)
     elif settings.windows is None and start.skips_short_windows:
         settings = replace(settings, windows=(None,) if remembers(lagging, used) else (6.0,))
