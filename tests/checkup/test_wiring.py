@@ -196,6 +196,19 @@ def test_sections_exchanged_are_found_as_a_whole() -> None:
     assert any(what.startswith("tubes of sections 1 and 2 exchanged") for what in explanations(found))
 
 
+@pytest.mark.parametrize("driven", [0, 1])
+@pytest.mark.parametrize("exchanged", [True, False])
+def test_a_section_that_lengthens_while_the_other_is_driven(driven: int, exchanged: bool) -> None:
+    """All chambers of one section together, as labs first do: what lengthens is the section whose tubes these are."""
+    arm = two_arm()
+    time, pressures = steps(arm)
+    alone = np.tile(pressures[0], (len(time), 1))
+    alone[:, 3 * driven : 3 * driven + 3] = pressures[:, [0]]
+    feeds = [3, 4, 5, 0, 1, 2] if exchanged else None
+    said = explanations(bha.check(arm, log_of(arm, time, alone, see="heads", feeds=feeds)))
+    assert [what[:38] for what in said[:1]] == (["tubes of sections 1 and 2 exchanged as"] if exchanged else [])
+
+
 def test_one_tube_of_each_section_exchanged() -> None:
     arm = two_arm()
     found = bha.check(arm, log_of(arm, *steps(arm), feeds=[0, 1, 3, 2, 4, 5]))

@@ -93,6 +93,9 @@ def judge(found: Evidence) -> Verdict:
             for c in significant
             if c.score <= top.score + ALIKE and (c.count <= top.count or c.kind not in (top.kind, "azimuth"))
         ]
+        # Where the chambers of a section are driven together, the tubes of both sections exchanged as a whole are
+        # hardly told from any two of them; it is the mistake of one plug.
+        alike.sort(key=lambda cause: cause.kind != "sections")
         return Verdict(turns, base, tuple(_thinned(alike)), base - top.score, (), ())
     same = [c for c in tried if c.score <= base + 0.1 and c.kind != "azimuth" and _differs(c)]
     unexplained = tuple(

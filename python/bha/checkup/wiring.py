@@ -32,7 +32,8 @@ LEAST_FREE = 0.4
 #: And if its standard deviation is at least so large: rad of bending, share of the length range.
 LEAST_BENDING, LEAST_LENGTH = 4e-3, 0.004
 #: A section whose own chambers are driven less than this share of what the most driven section has is judged only if it
-#: bends by this share of what the model says for the log's greatest pressure in one chamber.
+#: bends by this share of what the model says for the log's greatest pressure in one chamber, or by its mean length if
+#: that changes more than those of all sections that are driven: chambers lengthen their own section alone.
 LEAST_DRIVE, LEAST_PREDICTED = 0.25, 0.3
 #: A log with fewer rows of the grid in which all is known tells nothing.
 FEWEST_ROWS = 30
@@ -230,7 +231,12 @@ def _told(layout: Layout, key: Key, made: Sequence[Signals], size: Mapping[Key, 
     if not np.any(deviation > LEAST_PRESSURE * np.ptp(layout.pressure_range, axis=1)):
         return False
     strength = np.sqrt(np.sum(np.abs(layout.bending) ** 2 * deviation**2, axis=1))
-    if strength[key[1]] >= LEAST_DRIVE * strength.max():
+    driven = strength >= LEAST_DRIVE * strength.max()
+    if driven[key[1]]:
+        return True
+    if key[2] == "length" and size[key] > max(
+        size.get((key[0], int(i), "length"), 0.0) for i in np.flatnonzero(driven)
+    ):
         return True
     strongest = np.max(np.abs(layout.bending[key[1]])) * deviation.max()
     bent = size.get((key[0], key[1], "bending"), 0.0)
