@@ -267,3 +267,19 @@ def test_a_lag_or_a_torsion_has_no_negative_strength() -> None:
     either = {"payload", "tool_drag", "base_tilt", "pressure_gain", "effective_area"}
     assert all(plans[kind].is_one_sided for kind in one)
     assert not any(plans[kind].is_one_sided for kind in either)
+
+
+def test_a_cause_that_acts_always_does_not_hide_behind_its_own_mean() -> None:
+    """Errors of a second's memory beside a constant one: the mean is what they do not bring, in any of the draws."""
+    rng = np.random.default_rng(8)
+    errors = [slow(rng, 400, 1.0, 1, False) for _ in range(3)]
+    lengths, steps = [400] * 3, [STEP] * 3
+
+    def means(shift: float, *, with_means: bool) -> float:
+        made = memory([own + shift for own in errors], steps, means=with_means)
+        return float(made.draws(lengths, steps, 200, rng).reshape(3, 400, 200).mean(axis=1).std(axis=1).mean())
+
+    # A memory of a second makes means over 40 s of sqrt(2 / 40) = 0.22; Student's t is a little wider.
+    assert means(0.0, with_means=False) == pytest.approx(0.22, rel=0.5)
+    assert means(3.0, with_means=False) == pytest.approx(means(0.0, with_means=False), rel=0.2)
+    assert means(3.0, with_means=True) > 1.5

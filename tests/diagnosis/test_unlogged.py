@@ -133,10 +133,10 @@ def test_an_arm_pushed_by_an_unlogged_pressure_is_equivalent_and_its_size_is_sai
     assert "something not logged pushed" in force.reason
 
 
-def judged(decision: Decision, **changes: float) -> Decision:
-    """The decision on errors that follow nothing, but for some changes."""
+def left_over(**changes: float) -> Unlogged:
+    """Errors that follow nothing, but for some changes."""
     values = {"share": 0.02, "chance": 0.3, "explained": 0.0, "by_chance": 0.5, "periodic": 0.1, "grown": 1.1} | changes
-    own = Unlogged(
+    return Unlogged(
         logged=Follows(values["share"], values["chance"], "past"),
         explained=values["explained"],
         chance=values["by_chance"],
@@ -145,7 +145,11 @@ def judged(decision: Decision, **changes: float) -> Decision:
         offset=values.get("offset", 1.0),
         rms=2e-3,
     )
-    return own.judge(decision, 5e-4)
+
+
+def judged(decision: Decision, **changes: float) -> Decision:
+    """The decision on such errors."""
+    return left_over(**changes).judge(decision, 5e-4)
 
 
 @pytest.mark.parametrize(
@@ -173,3 +177,22 @@ def test_what_follows_nothing_is_no_gap_of_the_model(changes: dict[str, float], 
 def test_what_effects_remove_is_the_search_s_own(verdict: str, closure: float) -> None:
     given = Decision(verdict, "the search's own", closure)
     assert judged(given) is given
+
+
+@pytest.mark.parametrize(
+    ("before", "changes", "named"),
+    [
+        (1.6e-3, {}, True),
+        # Of two errors that are hardly unlike the effect is not told.
+        (1.2e-3, {}, False),
+        # What is left follows something: the effect is not all that is missing.
+        (1.6e-3, {"explained": 0.3, "by_chance": 0.005}, False),
+    ],
+)
+def test_an_effect_above_a_disturbance_is_named_though_the_disturbance_stays(
+    before: float, changes: dict[str, float], named: bool
+) -> None:
+    given = Decision("unexplained", "the search's own", 0.44)
+    made = left_over(**changes).complete(given, before, 1.0e-3)
+    assert (made.verdict == "named") is named
+    assert named or made is given

@@ -119,7 +119,8 @@ class Candidate:
         if element is not None:
             named, path = f"{named} {element + 1}", f"effect.{element}.{strength.name}"
         low = low if strength.signed else max(low, 0.0)
-        return coordinate(named, path, unit, 0.0, spread, logarithmic=False, low=low, high=high, weight=0.0)
+        weight = (spread / strength.plausible) ** 2
+        return coordinate(named, path, unit, 0.0, spread, logarithmic=False, low=low, high=high, weight=weight)
 
     def _bank(self, strengths: Sequence[float], ranges: Ranges) -> tuple[EffectTerm, list[float]]:
         """The bank with the strengths of all its elements free, from zero."""

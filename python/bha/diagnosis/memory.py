@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 BAND_RATIO = 1.4
 #: Fewest coefficients that tell a spectrum near zero.
 FEWEST_COEFFICIENTS = 8
+#: Fewest coefficients beside their means that tell how logs err from one to the next.
+FEWEST_BESIDE_MEANS = 4
 #: The spectrum counts as flat near zero as long as twice as wide a band holds at least this share of its density.
 FLAT = 0.8
 
@@ -37,10 +39,12 @@ class Memory:
     Attributes:
         edges: upper edges of the bands, Hz, shape (b,), the last one is infinite.
         covariance: of one cosine coefficient, shape (b, channels, channels).
+        beside: number of coefficients that tell the covariance of the means of logs, where these are none of them.
     """
 
     edges: Array
     covariance: Array
+    beside: int | None = None
 
     def draws(self, lengths: Sequence[int], steps: Sequence[float], count: int, rng: np.random.Generator) -> Array:
         """Residuals like this one, all logs of each in one column, shape (rows, count).
@@ -57,17 +61,23 @@ class Memory:
         for length, step in zip(lengths, steps, strict=True):
             band = np.searchsorted(self.edges, frequencies(length, step), side="right")
             standard = rng.standard_normal((count, length, self.covariance.shape[1]))
+            if self.beside is not None:
+                # A covariance that few coefficients tell is uncertain: Student's t.
+                standard[:, 0] *= np.sqrt(self.beside / rng.chisquare(self.beside, (count, 1)))
             coefficients = np.einsum("nkj,kij->nki", standard, roots[band], optimize=True)
             parts.append(idct(coefficients, axis=1, norm="ortho").reshape(count, -1))
         return np.asarray(np.concatenate(parts, axis=1).T)
 
 
-def memory(parts: Sequence[Array], steps: Sequence[float]) -> Memory:
+def memory(parts: Sequence[Array], steps: Sequence[float], *, means: bool = True) -> Memory:
     """The memory of a residual.
 
     Args:
         parts: white residual of each log, shape (rows, channels).
         steps: between the rows of each log, s.
+        means: whether the mean of each log is one of the numbers that tell it. A cause that acts always shows in means
+            most of all, and hides behind a memory that has them; without them the lowest band is as the coefficients
+            beside them have it.
     """
     resolution = min(0.5 / (len(part) * step) for part, step in zip(parts, steps, strict=True))
     top = max(0.5 / step for step in steps)
@@ -76,10 +86,11 @@ def memory(parts: Sequence[Array], steps: Sequence[float]) -> Memory:
         edges.append(max(BAND_RATIO * edges[-1], edges[-1] + 1.0 * resolution))
     bands = np.array([*edges[:-1], np.inf])
     channels = parts[0].shape[1]
+    first = 0 if means else 1
     sums, counts = np.zeros((len(bands), channels, channels)), np.zeros(len(bands))
     for part, step in zip(parts, steps, strict=True):
-        coefficients = dct(part, axis=0, norm="ortho")
-        band = np.searchsorted(bands, frequencies(len(part), step), side="right")
+        coefficients = dct(part, axis=0, norm="ortho")[first:]
+        band = np.searchsorted(bands, frequencies(len(part), step)[first:], side="right")
         for b in np.unique(band):
             own = coefficients[band == b]
             sums[b] += own.T @ own
@@ -87,7 +98,13 @@ def memory(parts: Sequence[Array], steps: Sequence[float]) -> Memory:
     # Short logs have no coefficients in some bands: those of the next band that has.
     filled = np.flatnonzero(counts)
     nearest = filled[np.argmin(np.abs(np.arange(len(bands))[:, None] - filled), axis=1)]
-    return Memory(bands, sums[nearest] / counts[nearest, None, None])
+    covariance = sums[nearest] / counts[nearest, None, None]
+    if means:
+        return Memory(bands, covariance)
+    near = int(np.searchsorted(np.cumsum(counts), FEWEST_BESIDE_MEANS)) + 1
+    beside = int(np.sum(counts[:near]))
+    covariance[0] = np.sum(sums[:near], axis=0) / max(beside, 1)
+    return Memory(bands, covariance, beside)
 
 
 def by_log(problem: Problem, white: Array) -> tuple[list[Array], list[float]]:
@@ -100,10 +117,10 @@ def by_log(problem: Problem, white: Array) -> tuple[list[Array], list[float]]:
     return parts, steps
 
 
-def draws_like(problem: Problem, white: Array, count: int, rng: np.random.Generator) -> Array:
-    """Draws of residuals of all logs that have the memory of ``white``, shape (rows, count)."""
+def draws_like(problem: Problem, white: Array, count: int, rng: np.random.Generator, *, means: bool = True) -> Array:
+    """Draws of residuals of all logs that have the memory of ``white``, shape (rows, count); ``means`` as there."""
     parts, steps = by_log(problem, white)
-    return memory(parts, steps).draws([len(part) for part in parts], steps, count, rng)
+    return memory(parts, steps, means=means).draws([len(part) for part in parts], steps, count, rng)
 
 
 def numbers_per_independent(parts: Sequence[Array], steps: Sequence[float]) -> float:

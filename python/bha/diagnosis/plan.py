@@ -20,11 +20,14 @@ class Strength:
         name: the number of the effect.
         typical: a typical size in a real arm; the probe has a fraction of it.
         signed: whether either sign is physical.
+        plausible: one standard deviation of its prior, where what is plausible does not depend on the arm; infinite for
+            none.
     """
 
     name: str
     typical: float
     signed: bool = False
+    plausible: float = math.inf
 
 
 @dataclass(frozen=True)

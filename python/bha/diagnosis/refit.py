@@ -158,7 +158,7 @@ def to_its_end(problem: Problem, fit: Fit, tolerance: float = TOLERANCE) -> Fit:
     renew: list[int] = []
     for number in range(len(fit.model.effects)):
         own = range(*fit.model.place(number).indices(fit.model.size))
-        # Strengths have no prior.
+        # Strengths have no prior, but for few.
         shapes = [k for k in own if fit.model.coordinates[k].prior_weight > 0.0]
         limit[shapes] = GREATEST_OF_SHAPES
         renew += own if shapes else []

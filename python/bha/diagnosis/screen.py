@@ -241,7 +241,8 @@ def score(problem: Problem, fit: Fit, signatures: Signatures, seed: int = 0) -> 
     """
     complement = information(problem, fit).complement
     rng = np.random.default_rng([seed, 23])
-    rest = complement(np.column_stack([fit.residual, draws_like(problem, fit.residual, CHANCE_DRAWS, rng)]))
+    drawn = draws_like(problem, fit.residual, CHANCE_DRAWS, rng, means=False)
+    rest = complement(np.column_stack([fit.residual, drawn]))
     totals = np.einsum("ij,ij->j", rest, rest)
     projected = np.empty_like(signatures.table)
     for first in range(0, projected.shape[1], 32):

@@ -24,6 +24,7 @@ from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.follows import Follows, follows
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.logged import cells_of, modes_of
+from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.screen import Screening
 from bha.estimation.records import Record
 
@@ -98,6 +99,23 @@ class Unlogged:
             "forces or pressures do"
         )
         return Decision("equivalent", text, decision.closure)
+
+    def complete(self, decision: Decision, before: float, after: float) -> Decision:
+        """The decision; ``named`` where an effect shows, and what it leaves, of which this is, is a disturbance.
+
+        Args:
+            decision: on the search.
+            before: RMS error of the plain model on the held-out logs, m.
+            after: the same of the best effects, m.
+        """
+        if decision.verdict != "unexplained" or before < MATERIAL * after or not self.is_a_disturbance:
+            return decision
+        text = (
+            f"without the effect {before / after:.2f} times as much is missed on held-out logs; what it leaves, "
+            f"{1e3 * self.rms:.2g} mm, follows nothing that was logged (p = {self.logged.chance:.2g}; no candidate "
+            f"explains more of it than chance does, p = {self.chance:.2g}): it is what unlogged forces or pressures do"
+        )
+        return Decision("named", text, decision.closure)
 
 
 def unlogged(

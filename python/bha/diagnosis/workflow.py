@@ -19,9 +19,9 @@ from bha.diagnosis.baseline import (
 )
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.candidate import core_ranges
-from bha.diagnosis.decide import Thresholds, decide, gap_test, tolerant, without_faults
+from bha.diagnosis.decide import Decision, Thresholds, decide, gap_test, tolerant, without_faults
 from bha.diagnosis.describe import describe
-from bha.diagnosis.fit import evaluate, whole_logs, with_sensitivities
+from bha.diagnosis.fit import Problem, evaluate, whole_logs, with_sensitivities
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals
@@ -213,6 +213,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     decision = decide(state, gap, noise_rms, limits, tolerance)
     if beside is not None and state.complete:
         decision = beside.judge(decision, noise_rms)
+        decision = _completed(decision, state, problem, holdout, signatures, (before, after), seed)
     verdict = without_faults(decision, faults)
     errors = (before, after if verdict.verdict == "named" else before)
     say("intervals and report")
@@ -255,6 +256,23 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         baseline=baseline,
         uncertainty=uncertainty,
     )
+
+
+def _completed(
+    decision: Decision,
+    state: Search,
+    problem: Problem,
+    holdout: Holdout,
+    signatures: Signatures,
+    errors: tuple[float, float],
+    seed: int,
+) -> Decision:
+    """The decision where one effect explains a part of a gap: what it leaves is asked whether it follows something."""
+    best = state.best
+    if decision.verdict != "unexplained" or len(set(best.key)) != 1 or best.fit.jacobian is None:
+        return decision
+    left = unlogged(problem, best.fit, holdout, best.prediction, score(problem, best.fit, signatures), seed)
+    return decision if left is None else left.complete(decision, *errors)
 
 
 def _records(
