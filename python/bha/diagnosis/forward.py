@@ -26,7 +26,8 @@ def forward(given: Given, search: Search) -> None:
         known = search.screening if current is search.plain else None
         screening = known or score(problem, current.fit, given.signatures)
         search.screening = search.screening or screening
-        enough = min(rules.worth * excess, rules.rest * max(0.0, current.fit.squares - problem.rows))
+        # A further effect brings as much where it shows beside the others.
+        enough = (1.0 - rules.shows**-2) * current.fit.squares if current.candidates else rules.worth * excess
         share = f"{100.0 * enough / max(excess, 1e-9):.2g} % of the excess"
         chosen = contenders(given, current, screening, search.rivals, enough)
         if not chosen:

@@ -101,6 +101,13 @@ class KindPlan:
     forward: bool = False
 
     @property
+    def one_sided_numbers(self) -> tuple[str, ...]:
+        """Numbers of the effect that its strengths stand for, none of which may be negative; empty for other kinds."""
+        if not self.is_one_sided:
+            return ()
+        return tuple(s.name for s in (self.strengths if self.probes is None else self.extra))
+
+    @property
     def is_one_sided(self) -> bool:
         """Whether none of the strengths of its probes may be negative: there is no lag of less than none."""
         return self.forward if self.probes is not None else not any(s.signed for s in self.strengths)

@@ -27,11 +27,9 @@ class Rules:
         swap: drop of the criterion that swaps an effect for a look-alike.
         even: distance of the criterion within which the better prediction of left-out training logs decides.
         share: least share of the plain model's excess error on left-out training logs that it has to remove.
-        worth: least share of the plain model's excess on the training logs for which a further effect is sought.
+        worth: least share of the plain model's excess on the training logs for which a first effect is sought.
         shows: least error of the others, fitted again without an effect, over that with it, RMS in the white residual
             of left-out training logs: what one name leaves needs a second one only if it is a gap itself.
-        rest: least share of what the effects so far leave of that excess; reaching this one is enough, too: beside a
-            strong effect a weaker one counts that explains much of what the strong one does not.
         near: a candidate is refitted if it promises at least this share of what the best one does.
         like: the same for a look-alike against what it would replace.
         bound: a candidate on a bound gives way to one that is not and brings at least this share of its gain.
@@ -54,7 +52,6 @@ class Rules:
     share: float = 0.025
     worth: float = 0.02
     shows: float = MATERIAL
-    rest: float = 0.3
     near: float = 0.25
     like: float = 0.6
     bound: float = 0.8

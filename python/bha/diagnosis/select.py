@@ -3,14 +3,15 @@
 What: the search over sets of effects, on training logs; held-out logs only refute in the end. An effect is real where
 the best of all candidates in all places would hardly bring as much by chance (:mod:`bha.diagnosis.screen`), and it
 matters where it helps to predict training logs from the others (:mod:`bha.diagnosis.crossing`). The steps are those of
-:mod:`bha.diagnosis.forward`, :mod:`bha.diagnosis.prune`, :mod:`bha.diagnosis.lookalikes` and
-:mod:`bha.diagnosis.elements`.
+:mod:`bha.diagnosis.forward`, :mod:`bha.diagnosis.prune`, :mod:`bha.diagnosis.lookalikes`,
+:mod:`bha.diagnosis.beyond` and :mod:`bha.diagnosis.elements`.
 Source: family-wise error rates by the distribution of the greatest score, Westfall and Young 1993; Schwarz 1978; rules
 as measured on simulated arms (docs/explanation/diagnosis.md).
 """
 
 from __future__ import annotations
 
+from bha.diagnosis.beyond import refute
 from bha.diagnosis.elements import with_elements
 from bha.diagnosis.forward import forward
 from bha.diagnosis.given import Given
@@ -30,6 +31,7 @@ def search(given: Given, state: Search) -> Search:
             prune(given, state)
         again(given, state)
         certify(given, state)
+        refute(given, state)
         state.chosen = state.best
         if with_elements(given, state):
             # What stood in for the form of another is needed no more.
