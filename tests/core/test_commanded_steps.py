@@ -48,3 +48,29 @@ def test_what_reads_a_lagged_pressure_is_one_pressure() -> None:
     ours = bha.simulate_batch(arm, drive, times=times, method="rk4", step=2e-3).lengths
     theirs = bha.simulate_batch(scaled, larger, times=times, method="rk4", step=2e-3).lengths
     np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-9)
+
+
+def test_a_dead_time_behind_a_lag_is_one_of_the_commands() -> None:
+    """Commands that come later, given as such, through the lag alone; the chambers fill before the dead time."""
+    late, arm, delayed = 0.037, arm_of(), arm_of({"kind": "delay", "where": "all", "time": 0.037})
+    drive, times = staircase(arm), np.arange(0.0, 1.9, 0.1)
+    later = bha.Input(
+        np.append(0.0, drive.time + late), np.vstack([drive.pressures[:1], drive.pressures]), commanded=True
+    )
+    for method, step in (("rk4", 2e-3), ("ros2", 1e-2)):
+        ours = bha.simulate(delayed, drive, times=times, method=method, step=step)
+        theirs = bha.simulate(arm, later, times=times, method=method, step=step)
+        # Steps end elsewhere, too: errors of the integrators are not the same.
+        least = 1e-7 if method == "rk4" else 1e-4
+        np.testing.assert_allclose(ours.lengths, theirs.lengths, rtol=0.0, atol=least)
+    filled = bha.simulate(arm, drive, times=times).pressures
+    np.testing.assert_allclose(bha.simulate(delayed, drive, times=times).pressures, filled, rtol=1e-12)
+
+
+def test_a_dead_time_behind_a_lag_takes_no_longer_steps_than_the_lag_alone() -> None:
+    drive, times, steps = staircase(arm_of()), np.arange(0.0, 1.9, 0.1), []
+    for effects in ((), ({"kind": "delay", "where": "all", "time": 0.037},)):
+        run = bha.simulate_batch(arm_of(*effects), drive, times=times, method="rk4", step=1e-2)
+        steps.append(run.statistics[0, 0])
+    # Both the command and the delayed one end steps, three times a step of the staircase.
+    assert steps[1] < steps[0] + 3 * 6

@@ -7,9 +7,14 @@
 //!
 //! Behind chambers that shut air in ([`Sort::Remembering`]) pressures in the chain are those that the air would have at
 //! constant volume, which the arm's motion does not change (`pneumatics::Chambers::reference`); stages that remember nothing
-//! (gain, offset) act behind it, on the pressures themselves ([`read`]). A lag and a delay do not mind the order.
+//! (gain, offset) act behind it, on the pressures themselves ([`read`]).
+//!
+//! A dead time and a lag do not mind the order: delayed commands lag as lagged ones are delayed. Where delays alone lie
+//! behind chambers that lag, the chain is therefore before them, reads the commands themselves, and has the lag as its
+//! first stage ([`PressureChain::behind_commands`]): exact from sample to sample, with no past to note.
 
-use super::Effects;
+use super::{Effect, Effects};
+use super::kinds::pressure_lag::PressureLag;
 use super::upstream::Upstream;
 use crate::real::{Real, kernel};
 
@@ -27,10 +32,12 @@ pub enum Sort {
 pub struct PressureChain<T> {
     /// Delay of each input, where there is one.
     delays: Vec<Option<T>>,
+    /// The lag of the chambers, where what comes in are commands.
+    lag: Option<PressureLag<T>>,
     /// Indices of the stages among the arm's effects.
     stages: Vec<usize>,
     inputs: usize,
-    /// Outputs: what comes in (delayed), then of each stage; at `time`, and at the step's start.
+    /// Outputs: what comes in (delayed), then of the lag and of each stage; at `time`, and at the step's start.
     values: Vec<T>,
     start_values: Vec<T>,
     next: Vec<T>,
@@ -51,6 +58,27 @@ impl<T: Real> PressureChain<T> {
         input: &mut impl Upstream<T>,
         start: f64,
     ) -> Option<Self> {
+        Self::of((effects, sort), inputs, None, (input, start))
+    }
+
+    /// The chain of an arm whose chambers lag behind their commands, which come in: delays, the lag, and no more; none
+    /// without delays.
+    pub fn behind_commands(
+        effects: &Effects<T>,
+        inputs: usize,
+        lag: PressureLag<T>,
+        input: &mut impl Upstream<T>,
+        start: f64,
+    ) -> Option<Self> {
+        Self::of((effects, Sort::Remembering), inputs, Some(lag), (input, start))
+    }
+
+    fn of(
+        (effects, sort): (&Effects<T>, Sort),
+        inputs: usize,
+        lag: Option<PressureLag<T>>,
+        (input, start): (&mut impl Upstream<T>, f64),
+    ) -> Option<Self> {
         let list = &effects.list;
         let delays: Vec<Option<T>> = (0..inputs)
             .map(|j| {
@@ -67,9 +95,11 @@ impl<T: Real> PressureChain<T> {
         if stages.is_empty() && delays.iter().all(Option::is_none) {
             return None;
         }
-        let values = vec![T::zero(); inputs * (stages.len() + 1)];
+        let first = 1 + usize::from(lag.is_some());
+        let values = vec![T::zero(); inputs * (stages.len() + first)];
         let mut chain = Self {
             delays,
+            lag,
             stages,
             inputs,
             start_values: values.clone(),
@@ -82,10 +112,13 @@ impl<T: Real> PressureChain<T> {
         };
         chain.read(input, chain.time);
         let n = chain.inputs;
-        for (k, &stage) in chain.stages.iter().enumerate() {
-            let (before, after) = chain.next.split_at_mut(n * (k + 1));
+        if first > 1 {
+            chain.next.copy_within(..n, n);
+        }
+        for (k, &stage) in (first..).zip(&chain.stages) {
+            let (before, after) = chain.next.split_at_mut(n * k);
             let out = &mut after[..n];
-            out.copy_from_slice(&before[n * k..]);
+            out.copy_from_slice(&before[n * (k - 1)..]);
             effects.list[stage].kind.pressures_at_rest(out);
         }
         chain.values.copy_from_slice(&chain.next);
@@ -165,11 +198,19 @@ impl<T: Real> PressureChain<T> {
     #[inline(always)]
     fn stages(&mut self, effects: &Effects<T>, elapsed: T) {
         let n = self.inputs;
-        for (k, &stage) in self.stages.iter().enumerate() {
-            let (before, after) = self.next.split_at_mut(n * (k + 1));
-            let (from, last) = self.values[n * k..n * (k + 2)].split_at(n);
+        let mut first = 1;
+        if let Some(lag) = &self.lag {
+            first = 2;
+            let (before, after) = self.next.split_at_mut(n);
+            let (from, last) = self.values[..2 * n].split_at(n);
+            after[..n].copy_from_slice(before);
+            lag.pressures(elapsed, from, last, &mut after[..n]);
+        }
+        for (k, &stage) in (first..).zip(&self.stages) {
+            let (before, after) = self.next.split_at_mut(n * k);
+            let (from, last) = self.values[n * (k - 1)..n * (k + 1)].split_at(n);
             let p = &mut after[..n];
-            p.copy_from_slice(&before[n * k..]);
+            p.copy_from_slice(&before[n * (k - 1)..]);
             effects.list[stage].kind.pressures(elapsed, from, last, p);
         }
         self.values.copy_from_slice(&self.next);
@@ -192,14 +233,15 @@ impl<T: Real> PressureChain<T> {
         self.delays.iter().flatten().fold(0.0, |m: f64, d| m.max(d.largest()))
     }
 
-    /// The first time after `t` at which a delayed input jumps.
+    /// The first time after `t` at which a delayed input jumps, or bends where it then lags.
     pub fn next_jump(&self, input: &impl Upstream<T>, t: f64) -> f64 {
+        let next = |t| if self.lag.is_some() { input.next_jump(t).min(input.next_bend(t)) } else { input.next_jump(t) };
         let mut first = f64::INFINITY;
         for delay in self.delays.iter().flatten() {
             for d in [delay.smallest(), delay.largest()] {
                 // A hair later, so that rounding does not find the same jump again.
                 let hair = 1e-9 * (1.0 + t.abs());
-                first = first.min(input.next_jump(t - d + hair) + d);
+                first = first.min(next(t - d + hair) + d);
             }
         }
         first

@@ -13,6 +13,8 @@ pub trait Upstream<T: Real> {
     fn next_sample(&mut self, t: T) -> T;
     /// The first time after `t` at which one jumps, as far as known.
     fn next_jump(&self, t: f64) -> f64;
+    /// The first time after `t` at which one bends, as far as known.
+    fn next_bend(&self, t: f64) -> f64;
     /// The clock of each lane's input minus the plant's, s.
     fn clock(&self) -> T;
 }
@@ -140,6 +142,9 @@ impl<T: Real> Upstream<T> for History<T> {
     }
     fn next_jump(&self, _t: f64) -> f64 {
         // Held commands jump where steps begin; one that arrives late, within a step, is met by that step's stages.
+        f64::INFINITY
+    }
+    fn next_bend(&self, _t: f64) -> f64 {
         f64::INFINITY
     }
     fn clock(&self) -> T {

@@ -223,6 +223,10 @@ impl<T: Real> Upstream<T> for Drives<T> {
         Self::next_jump(self, t)
     }
 
+    fn next_bend(&self, t: f64) -> f64 {
+        Self::next_bend(self, t)
+    }
+
     fn clock(&self) -> T {
         T::from_lanes(|k| self.each[if self.each.len() == 1 { 0 } else { k }].offset)
     }

@@ -11,6 +11,7 @@ use crate::arm::Arm;
 use crate::body::parameters::PneumaticsLevel;
 use crate::dynamics::Workspace;
 use crate::dynamics::recursion::forward_dynamics_into;
+use crate::effects::kinds::pressure_lag::PressureLag;
 use crate::effects::pressures::{PressureChain, Sort, has_memory, has_readings};
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
@@ -125,6 +126,12 @@ impl<T: Real> Plant<T> {
         self.arm.pneumatics.as_ref().is_some_and(|p| p.level == PneumaticsLevel::Lag)
     }
 
+    /// The lag between commands and chambers, where that is what lies between them.
+    fn lag(&self) -> Option<PressureLag<T>> {
+        let lagged = self.arm.pneumatics.as_ref().filter(|_| self.chambers.is_some() && self.is_lagged());
+        lagged.map(|p| PressureLag::of_all(p.fill_time, p.vent_time, self.arm.body.inputs))
+    }
+
     /// Commands `p` from now on, in place of the inputs' pressures.
     #[inline(always)]
     pub fn hold(&mut self, p: &[T]) {
@@ -156,7 +163,12 @@ impl<T: Real> Plant<T> {
     pub fn begin(&mut self, t: f64, x: &[T]) {
         self.begun = true;
         self.read.0 = f64::NAN;
-        if self.chambers.is_some() || self.held.is_some() {
+        let remembers = has_memory(&self.arm.effects);
+        if let (None, false, Some(lag)) = (&self.held, remembers, self.lag()) {
+            let (effects, inputs) = (&self.arm.effects, self.arm.body.inputs);
+            self.chain = PressureChain::behind_commands(effects, inputs, lag, &mut self.drives, t);
+            self.readings = has_readings(effects);
+        } else if self.chambers.is_some() || self.held.is_some() {
             let (q, mut p) = (&x[..x.len() / 2], self.pressures.clone());
             match (&mut self.chambers, &self.arm.pneumatics) {
                 (Some(chambers), Some(pneumatics)) => {
@@ -166,7 +178,7 @@ impl<T: Real> Plant<T> {
             }
             let mut history = History::new(t, &p).on_clock(self.drives.clock());
             // What only reads the pressure of the moment needs no past; behind what does, it keeps its place.
-            let apart = self.is_trapped() || !has_memory(&self.arm.effects);
+            let apart = self.is_trapped() || !remembers;
             let sort = if apart { Sort::Remembering } else { Sort::All };
             self.chain = PressureChain::new((&self.arm.effects, sort), self.arm.body.inputs, &mut history, t);
             self.readings = apart && has_readings(&self.arm.effects);

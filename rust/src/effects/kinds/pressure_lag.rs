@@ -21,6 +21,13 @@ pub struct PressureLag<T> {
     inputs: Range<usize>,
 }
 
+impl<T> PressureLag<T> {
+    /// Of all of so many inputs, with these time constants, s.
+    pub fn of_all(fill: T, vent: T, inputs: usize) -> Self {
+        Self { fill, vent, inputs: 0..inputs }
+    }
+}
+
 /// u - p after `h` seconds of a lag `tau`, from `e`, with u rising at `slope`.
 #[inline(always)]
 fn decay<T: Real>(e: T, slope: T, tau: T, h: T) -> T {
