@@ -74,3 +74,26 @@ def test_a_dead_time_behind_a_lag_takes_no_longer_steps_than_the_lag_alone() -> 
         steps.append(run.statistics[0, 0])
     # Both the command and the delayed one end steps, three times a step of the staircase.
     assert steps[1] < steps[0] + 3 * 6
+
+
+def test_two_stages_that_are_alike_follow_a_step_as_their_closed_form_does() -> None:
+    """1 - (1 + t/T) exp(-t/T), given as a measured pressure; the first stage is the pneumatics' or an effect's."""
+    stage, time, times = 0.15, np.arange(0.0, 1.5, 1e-3), np.arange(0.0, 1.4, 0.05)
+    bare = bha.robots.load("bha_nominal")
+    low, high = 1.1e5, 1.4e5
+    since = np.maximum(time - 0.1, 0.0) / stage
+    acting = low + (high - low) * (1.0 - (1.0 + since) * np.exp(-since))
+    wanted = bha.simulate(
+        bare, bha.Input(time, np.tile(acting[:, None], len(bare.inputs))), times=times, method="rk4", step=1e-3
+    )
+    command = np.where(time[:, None] < 0.1, low, high) * np.ones(len(bare.inputs))
+    drive = bha.Input(time, command, commanded=True, interpolation="hold")
+    lag = {"kind": "pressure_lag", "where": "all", "fill": stage, "vent": 4.0 * stage}
+    table = {"level": "lag", "fill_time": stage, "vent_time": 4.0 * stage}
+    mapping = bare.parameters.to_mapping()
+    for arm in (
+        bare.with_effects([lag, lag]),
+        bha.Arm(ArmParameters.from_mapping({**mapping, "pneumatics": table, "effect": [lag]})),
+    ):
+        found = bha.simulate(arm, drive, times=times, method="rk4", step=1e-3)
+        np.testing.assert_allclose(found.lengths, wanted.lengths, rtol=0.0, atol=2e-6)

@@ -190,6 +190,8 @@ def _allowed(parameter: EffectParameter) -> str:
 
 # Kinds that act on the sensor of a length where their place is a bellows; the core's sensors are those of coordinates.
 _OF_LENGTH_SENSORS = ("delay", "length_gain", "length_offset", "wire_backlash")
+# Kinds whose several are stages one after the other, which may be alike; side by side they would be one.
+_IN_SERIES = frozenset({"pressure_lag"})
 
 
 def check_effects(
@@ -230,6 +232,8 @@ def check_effects(
             message = f'found "{effect.where}"{nearest(place.input, inputs)}'
             raise table_error(message, f"effect.{number}.where")
         earlier = first.setdefault((effect.kind, place), number)
+        if effect.kind in _IN_SERIES:
+            continue
         if effect.info.several:
             what = (effect.kind, place, effect.force, *sorted(effect.parameters.items()))
             earlier = equal.setdefault(what, number)

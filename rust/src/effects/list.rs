@@ -134,9 +134,11 @@ impl Effects<f64> {
             let mut entry = entry(number, p, body, inputs)?;
             for (other, before) in list.iter().enumerate() {
                 let same = before.index == entry.index && before.definition.place == entry.definition.place;
-                if same
-                    && (!entry.info().several || before.values == entry.values && p.force == parameters[other].force)
-                {
+                // Stages one after the other may be alike; side by side they would be one.
+                let alike = before.values == entry.values
+                    && p.force == parameters[other].force
+                    && !entry.kind.shapes_pressures();
+                if same && (!entry.info().several || alike) {
                     let (kind, place) = (entry.info().name, &entry.definition.place);
                     let found = format!("{kind} at {place} again, as effect {}", other + 1);
                     return Err(wrong(&format!("effect {}", number + 1), "kind", found, "once is allowed".to_owned()));

@@ -3,20 +3,24 @@
 //! Stages in the order of the file, after the delays. Each stage's state is its last output. All depend on time alone, not on the arm's motion, so
 //! the chain is kept beside the arm: it moves forward through the samples of the input, in straight pieces, and goes back to
 //! the step's start when a step is begun again. Every stage is exact on a straight piece of what comes in (see the kinds); a stage after
-//! a lag gets the chord of the lag's output, an error of second order in the distance of samples.
+//! a lag gets the chord of the lag's output, an error of second order in the pieces, which are then no longer than
+//! [`PIECE`].
 //!
 //! Behind chambers that shut air in ([`Sort::Remembering`]) pressures in the chain are those that the air would have at
 //! constant volume, which the arm's motion does not change (`pneumatics::Chambers::reference`); stages that remember nothing
 //! (gain, offset) act behind it, on the pressures themselves ([`read`]).
 //!
-//! A dead time and a lag do not mind the order: delayed commands lag as lagged ones are delayed. Where delays alone lie
-//! behind chambers that lag, the chain is therefore before them, reads the commands themselves, and has the lag as its
-//! first stage ([`PressureChain::behind_commands`]): exact from sample to sample, with no past to note.
+//! A dead time and a lag do not mind the order: delayed commands lag as lagged ones are delayed. Behind chambers that lag
+//! the chain therefore reads the commands themselves and has the lag as its first stage
+//! ([`PressureChain::behind_commands`]): exact from sample to sample, with no past to note.
 
-use super::{Effect, Effects};
 use super::kinds::pressure_lag::PressureLag;
 use super::upstream::Upstream;
+use super::{Effect, Effects};
 use crate::real::{Real, kernel};
+
+/// Longest piece where a stage follows a lag, s.
+const PIECE: f64 = 5e-3;
 
 /// Which effects on pressures a chain has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +38,8 @@ pub struct PressureChain<T> {
     delays: Vec<Option<T>>,
     /// The lag of the chambers, where what comes in are commands.
     lag: Option<PressureLag<T>>,
+    /// Longest piece, s.
+    piece: f64,
     /// Indices of the stages among the arm's effects.
     stages: Vec<usize>,
     inputs: usize,
@@ -61,16 +67,16 @@ impl<T: Real> PressureChain<T> {
         Self::of((effects, sort), inputs, None, (input, start))
     }
 
-    /// The chain of an arm whose chambers lag behind their commands, which come in: delays, the lag, and no more; none
-    /// without delays.
+    /// The chain of an arm whose chambers lag behind their commands, which come in: delays, the lag, and effects of the
+    /// `sort`; none where there are neither delays nor such effects.
     pub fn behind_commands(
-        effects: &Effects<T>,
+        (effects, sort): (&Effects<T>, Sort),
         inputs: usize,
         lag: PressureLag<T>,
         input: &mut impl Upstream<T>,
         start: f64,
     ) -> Option<Self> {
-        Self::of((effects, Sort::Remembering), inputs, Some(lag), (input, start))
+        Self::of((effects, sort), inputs, Some(lag), (input, start))
     }
 
     fn of(
@@ -96,10 +102,12 @@ impl<T: Real> PressureChain<T> {
             return None;
         }
         let first = 1 + usize::from(lag.is_some());
+        let lags = usize::from(lag.is_some()) + stages.iter().filter(|k| list[**k].kind.remembers()).count();
         let values = vec![T::zero(); inputs * (stages.len() + first)];
         let mut chain = Self {
             delays,
             lag,
+            piece: if lags > 1 { PIECE } else { f64::INFINITY },
             stages,
             inputs,
             start_values: values.clone(),
@@ -181,7 +189,7 @@ impl<T: Real> PressureChain<T> {
         while self.time.smallest() < t {
             // A sample that is here or at the end but for rounding bends nothing on the way.
             let knot = input.next_sample(self.time - shift + hair) + shift;
-            let next = T::select(end - knot - hair, knot, end);
+            let next = T::select(end - knot - hair, knot, end).min(self.time + self.piece);
             self.read(input, next);
             let elapsed = next - self.time;
             self.pass(effects, elapsed);

@@ -164,10 +164,11 @@ impl<T: Real> Plant<T> {
         self.begun = true;
         self.read.0 = f64::NAN;
         let remembers = has_memory(&self.arm.effects);
-        if let (None, false, Some(lag)) = (&self.held, remembers, self.lag()) {
+        if let (None, Some(lag)) = (&self.held, self.lag()) {
             let (effects, inputs) = (&self.arm.effects, self.arm.body.inputs);
-            self.chain = PressureChain::behind_commands(effects, inputs, lag, &mut self.drives, t);
-            self.readings = has_readings(effects);
+            let sort = if remembers { Sort::All } else { Sort::Remembering };
+            self.chain = PressureChain::behind_commands((effects, sort), inputs, lag, &mut self.drives, t);
+            self.readings = !remembers && has_readings(effects);
         } else if self.chambers.is_some() || self.held.is_some() {
             let (q, mut p) = (&x[..x.len() / 2], self.pressures.clone());
             match (&mut self.chambers, &self.arm.pneumatics) {
