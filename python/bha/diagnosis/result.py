@@ -129,7 +129,8 @@ class Effect(Table):
         parameters: its numbers; of several elements together, see ``elements``.
         elements: where several branches or stages of the kind were found in its place (creep, hysteresis, lag), the
             numbers of each; ``parameters`` then has the sums of those that add up (stiffnesses, amplitudes, time
-            constants in series), and of the others the mean of logarithms by these. Empty for a single one.
+            constants in series), and of the others the mean of logarithms by these; of the stages of the plain model's
+            lag, which are alike, those of each. Empty for a single one.
         confidence: share of block-bootstrap repeats that choose it, or what these data cannot tell from it, among its
             rivals: the confidence of the class.
         alone: the same of the effect alone.
@@ -140,7 +141,8 @@ class Effect(Table):
         gap_removed: share of the excess error on the held-out logs that it removes, beside the other effects named.
         slow: of a class "lag of the pressures or damping" the times that both have together; else empty.
         plain: whether it is part of the plain model: the lag and the dead time that every arm has between command and
-            chamber. It is said where it is clearly there, whatever the verdict, and explains no gap.
+            chamber. It is said where it is clearly there, whatever the verdict, and explains no gap. A lag that is told
+            to be several times longer one way than the other is a finding, and not ``plain``.
         corrections: more of the same kind at nested places. Real effects have other forms than the catalogue's and
             differ between the bellows of an arm; such terms are no causes of their own.
     """

@@ -374,6 +374,7 @@ def commands_in_words(found: Diagnosis) -> list[str]:
             if alike
             else f"a lag of {number(fill, 's')} when filling and {number(vent, 's')} when venting"
         )
+        parts[-1] += _stages(lag)
     if late := own.get("delay"):
         parts.append(f"a dead time of {number(late.parameters['time'].value, 's')}")
     return [f"commands reach the bellows through {' and '.join(parts)}"] if parts else []
@@ -383,7 +384,15 @@ def in_words(effect: Effect | Alternative) -> str:
     """:func:`effect_in_words` of an effect; by its name alone where its numbers are not known."""
     if not effect.parameters and any(p.default is None for p in EFFECT_KINDS[effect.kind].parameters):
         return f"{effect.kind} at {effect.where}"
-    return effect_in_words(effect.kind, effect.where, {name: n.value for name, n in effect.parameters.items()})
+    text = effect_in_words(effect.kind, effect.where, {name: n.value for name, n in effect.parameters.items()})
+    return f"{text}{_stages(effect)}"
+
+
+def _stages(effect: Effect | Alternative) -> str:
+    """Of a lag of several stages that are alike, how many they are."""
+    own = getattr(effect, "elements", [])
+    alike = effect.kind == "pressure_lag" and own and all(element == effect.parameters for element in own)
+    return f", in each of {len(own)} stages" if alike else ""
 
 
 def class_in_words(effect: Effect, most: int = 2) -> str:

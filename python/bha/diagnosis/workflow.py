@@ -47,6 +47,7 @@ from bha.diagnosis.search import Search
 from bha.diagnosis.select import search
 from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.unlogged import Unlogged, unlogged
+from bha.diagnosis.ways import unlike, with_finding
 from bha.diagnosis.where import locate
 from bha.errors import InputError
 from bha.estimation.engine import Model
@@ -239,6 +240,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         lambda trial: rms_errors(prediction, trial.prediction)[1],
         tolerance,
     )
+    lag = next((effect for effect in diagnosis.of_commands if effect.kind == "pressure_lag"), None)
+    diagnosis = with_finding(diagnosis, unlike(problem, plain_fit, holdout, prediction, lag, noise_rms))
     setup = [*(fault.in_a_line() for fault in faults), *plain.said, *diagnosis.setup]
     disturbed = gap.significant and verdict.verdict == "equivalent"
     diagnosis = diagnosis.model_copy(update={"setup": setup, "disturbed": disturbed})
