@@ -106,10 +106,29 @@ def test_an_interrupted_search_leaves_what_it_found(monkeypatch: pytest.MonkeyPa
     assert outcome.best.key == (("weak_bellows", "bellows 11"),)
 
 
+def test_a_search_out_of_time_answers_with_what_it_has_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    hidden = {"kind": "weak_bellows", "where": "bellows 11", "parameters": {"change": -0.1}}
+    logs = make_logs(one_section(), [hidden], seed=7, durations=(3.0, 3.0))
+    now = [0.0]
+    monkeypatch.setattr(workflow.time, "monotonic", lambda: now[0])
+
+    def tell(stage: str, share: float | None) -> None:
+        if "refining" in stage:
+            now[0] = 61.0
+
+    found = bha.diagnose(PRODUCT, logs[:1], logs[1:], kinds=("weak_bellows",), progress=tell, limit=60.0)
+    assert found.unexamined == "pruning: without weak_bellows at bellows 11"
+    assert not found.complete
+    assert found.verdict == "named"
+    assert [(e.kind, e.where) for e in found.effects] == [("weak_bellows", "bellows 11")]
+
+
 def test_wrong_arguments_are_input_errors() -> None:
     logs = make_logs(one_section(), [], durations=(1.0,))
     with pytest.raises(InputError, match="at least one"):
         bha.diagnose(PRODUCT, [])
+    with pytest.raises(InputError, match="limit"):
+        bha.diagnose(PRODUCT, logs, limit=0.0)
     with pytest.raises(InputError, match="no candidate"):
         bha.diagnose(PRODUCT, logs, kinds=("gremlin",))
 

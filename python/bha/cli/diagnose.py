@@ -46,6 +46,8 @@ from bha.recordings import PressureSort
 @repair_option
 @click.option("--tolerance", type=click.FloatRange(min=0.0), default=0.0, metavar="MM",
               help="What does not matter: errors that exceed noise by less are no gap [mm RMS].")  # fmt: skip
+@click.option("--limit", type=click.FloatRange(min=0.0, min_open=True), metavar="SECONDS",
+              help="Time after which the search ends with what it has settled, and says what it left.")  # fmt: skip
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of all that is drawn at random.")
 @click.option("--threads", type=click.IntRange(min=1), help="Number of threads; all cores if left out.")
@@ -61,6 +63,7 @@ def diagnose(
     mapping: Path | None,
     repair: bool,
     tolerance: float,
+    limit: float | None,
     no_report: bool,
     seed: int,
     threads: int | None,
@@ -84,6 +87,7 @@ def diagnose(
             out=out,
             repair=repair,
             tolerance=1e-3 * tolerance,
+            limit=limit,
             report=not no_report,
             seed=seed,
             threads=threads,
@@ -94,13 +98,15 @@ def diagnose(
         print_json(found.model_dump(mode="json", by_alias=True))
     else:
         _print(found, out)
-    if not found.complete:
+    if not found.complete and not found.unexamined:
         raise SystemExit(INTERRUPTED)
 
 
 def _print(found: Diagnosis, out: Path) -> None:
     """The diagnosis in some ten lines; the report has the rest."""
-    if not found.complete:
+    if found.unexamined:
+        say(f"Out of time before: {found.unexamined}. The same command goes on. So far:")
+    elif not found.complete:
         say("Interrupted: the search is not complete; the same command goes on. So far:")
     say(f": {headline(found)}" if found.missing else f": {found.reason}", head=VERDICTS[found.verdict])
     if not found.missing:

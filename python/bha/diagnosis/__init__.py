@@ -61,6 +61,7 @@ def diagnose(
     repair: bool = False,
     kinds: Sequence[str] | None = None,
     tolerance: float = 0.0,
+    limit: float | None = None,
     report: bool = True,
     seed: int = 0,
     threads: int | None = None,
@@ -86,6 +87,9 @@ def diagnose(
         kinds: kinds of effects that are candidates; all of the registry if None.
         tolerance: what does not matter, m RMS: errors on held-out logs that exceed noise by less are no gap
             (``equivalent``), whatever causes them. With 0 the least gap that is worth a name is 1.1 times the noise.
+        limit: time after which the search for effects ends with what it has settled, s; what was not examined is said,
+            and the same call into the same folder goes on. The refit under way comes to its end. None for none: then
+            what comes out does not depend on how busy the machine is.
         report: write ``report.html`` too (extra ``report``).
         seed: of all that is drawn at random.
         threads: how many threads; as many as there are cores if None.
@@ -115,6 +119,8 @@ def diagnose(
 
     if not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise InputError(f"tolerance: found {tolerance}; allowed: a finite number >= 0 (m)")
+    if limit is not None and not limit > 0.0:
+        raise InputError(f"limit: found {limit}; allowed: a number > 0 (s), or None")
     if not logs:
         raise InputError("logs: none; at least one is needed")
     checkup = checked(arm, [*logs, *holdout], pressures=pressures, repair=repair)
@@ -135,6 +141,7 @@ def diagnose(
             faults=checkup.faults,
             doubts=checkup.doubts,
             tolerance=tolerance,
+            limit=limit,
         )
         made = written.made_by(command, seed, train, held)
         diagnosed = written.diagnosed_arm(outcome.arm, outcome, [recording.log for recording in train])

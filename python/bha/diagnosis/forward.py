@@ -46,6 +46,8 @@ def forward(given: Given, search: Search) -> None:
             search.notes.append(f"not taken in: {best.label}, which removes less than {share}")
             return
         search.best = best
+        if search.settled is None:
+            search.settle()
         search.notes.append(f"taken in: {best.key[-1][0]} at {best.key[-1][1]}, {by_chance(chance)}")
         if best.fit.squares / problem.rows < rules.shows**2 and len(best.candidates) < rules.most:
             search.notes.append("what is left is no gap: no further effect is sought")

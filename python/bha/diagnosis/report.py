@@ -155,7 +155,7 @@ class _Figures:
 
 
 def _head(found: Diagnosis, arm_name: str) -> str:
-    made, incomplete = found.made, "" if found.complete else "<p><b>Interrupted: the search is not complete.</b></p>"
+    made, incomplete = found.made, _incomplete(found)
     of_when = f", {escape(made.date[:16].replace('T', ' '))}" if made else ""
     names = ", ".join(f"{e.kind} at {e.where}" for e in found.missing)
     return (
@@ -167,6 +167,13 @@ def _head(found: Diagnosis, arm_name: str) -> str:
         "in any fit; the plain model was identified again first.</p>"
         + "".join(f"<p>Setup: {escape(text)}.</p>" for text in found.setup)
     )
+
+
+def _incomplete(found: Diagnosis) -> str:
+    """That a search did not come to its end, and why; empty where it did."""
+    if found.unexamined:
+        return f"<p><b>Out of time before: {escape(found.unexamined)}. What comes after it was not examined.</b></p>"
+    return "" if found.complete else "<p><b>Interrupted: the search is not complete.</b></p>"
 
 
 def _capital(text: str) -> str:

@@ -295,7 +295,8 @@ class Diagnosis(Table):
             before the diagnosis; the faults that a check has found first. A text each.
         logs: training logs, with noise and flaws of every channel.
         reason: why the verdict is what it is, in a sentence.
-        complete: whether the search came to its end; false after Ctrl-C.
+        complete: whether the search came to its end; false after Ctrl-C, and where its time was over.
+        unexamined: where its time was over, what it was about to examine; empty where it was not.
         seconds: time it took, s.
         next_experiment: pressures that would split the class, of the verdict ``one_of``.
         residual_force: of the verdict ``unexplained``, or of a disturbance, the force that would have to act beside the
@@ -319,6 +320,7 @@ class Diagnosis(Table):
     setup: list[str] = []
     logs: list[dict[str, Any]]
     complete: bool = True
+    unexamined: str = ""
     seconds: Finite = 0.0
     next_experiment: NextExperiment | None = None
     residual_force: ResidualForceFound | None = None
@@ -344,7 +346,7 @@ class Diagnosis(Table):
         """Verdict and open-loop errors in a line."""
         named = ", ".join(f"{effect.kind} at {effect.where}" for effect in self.missing)
         errors = f"{1e3 * self.gap.before:.3g} mm before, {1e3 * self.gap.after:.3g} mm after"
-        end = "" if self.complete else ", interrupted"
+        end = "" if self.complete else ", out of time" if self.unexamined else ", interrupted"
         verdict = f"{self.verdict}: {named}" if named else self.verdict
         return f"Diagnosis({verdict}; {errors}, noise {1e3 * self.gap.noise:.3g} mm{end})"
 

@@ -10,6 +10,10 @@ from bha.diagnosis.refit import Trial
 from bha.diagnosis.screen import Screening, Signatures, score
 
 
+class OutOfTime(Exception):  # noqa: N818  (no error: a search that ends as it was told to)
+    """The time of a search is over; its text says what was about to be examined."""
+
+
 @dataclass
 class Search:
     """What a search has found so far; filled as it goes on, so that an interrupted one leaves it.
@@ -25,6 +29,8 @@ class Search:
         smaller: that set without each of its effects.
         doubtful: effects that stay if the held-out logs confirm them, with how likely they are by chance.
         chosen: the best set before further elements of its effects were sought: what rivals are compared with.
+        settled: the best set that was not only collected: the first single effect, later what pruning has left.
+        unexamined: where the time was over, what the search was about to examine; empty where it was not.
         complete: whether the search came to its end.
     """
 
@@ -38,7 +44,13 @@ class Search:
     smaller: dict[tuple[str, str], Trial] = field(default_factory=dict)
     doubtful: dict[tuple[str, str], float] = field(default_factory=dict)
     chosen: Trial | None = None
+    settled: Trial | None = None
+    unexamined: str = ""
     complete: bool = False
+
+    def settle(self) -> None:
+        """Keep the best set as what is answered if the search comes to no end."""
+        self.settled = self.best
 
     def fitted(self, keys: Sequence[tuple[str, str]]) -> Trial | None:
         """The best trial with these effects that has been fitted to its end, in any order; None for none."""

@@ -18,18 +18,24 @@ from bha.diagnosis.given import Given
 from bha.diagnosis.lookalikes import swap
 from bha.diagnosis.prune import certify, prune
 from bha.diagnosis.refit import Trial, bic, correlation_length
-from bha.diagnosis.search import Search
+from bha.diagnosis.search import OutOfTime, Search
 
 
 def search(given: Given, state: Search) -> Search:
-    """Search for the set of effects; interrupted by Ctrl-C it returns what it has, marked as incomplete."""
+    """Search for the set of effects; interrupted, or out of time, it returns what it has, marked as incomplete.
+
+    What it has then is what has been settled: sets are collected before what is needless in them is dropped.
+    """
     try:
         forward(given, state)
         # What is needless goes first: swaps are only worth their time among what stays.
         prune(given, state)
+        state.settle()
         if swap(given, state):
             prune(given, state)
+        state.settle()
         again(given, state)
+        state.settle()
         certify(given, state)
         refute(given, state)
         state.chosen = state.best
@@ -38,7 +44,12 @@ def search(given: Given, state: Search) -> Search:
             prune(given, state)
         state.complete = True
     except KeyboardInterrupt:
+        state.best = state.settled or state.best
         state.notes.append("interrupted: the search is not complete")
+    except OutOfTime as late:
+        state.best = state.settled or state.best
+        state.unexamined = str(late)
+        state.notes.append(f"out of time before: {late}; what would have come after it was not examined")
     return state
 
 

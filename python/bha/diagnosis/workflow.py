@@ -43,7 +43,7 @@ from bha.diagnosis.repeats import repeats, with_repeat_noise
 from bha.diagnosis.result import Diagnosis
 from bha.diagnosis.rules import Rules
 from bha.diagnosis.screen import Signatures, probe, score
-from bha.diagnosis.search import Search
+from bha.diagnosis.search import OutOfTime, Search
 from bha.diagnosis.select import search
 from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.unlogged import Unlogged, unlogged
@@ -108,6 +108,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     faults: Sequence[Finding] = (),
     doubts: Sequence[Finding] = (),
     tolerance: float = 0.0,
+    limit: float | None = None,
 ) -> Investigation:
     """Diagnose the arm of ``logs``; see :func:`bha.diagnose`."""
     arm, commanded = logs[0].arm, logs[0].pressures.sort == "commanded"
@@ -117,6 +118,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     def say(text: str, share: float | None = None) -> None:
         if progress is not None:
             progress(text, share)
+
+    def timely(text: str) -> None:
+        if limit is not None and time.monotonic() - begin > limit:
+            raise OutOfTime(text)
+        say(text)
 
     say("preparing the logs")
     train, held = _records(logs, holdout_logs, commanded)
@@ -197,7 +203,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         wanted = gap.significant and np.isfinite(gap.mean_square)
         beside = unlogged(problem, plain_fit, holdout, prediction, state.screening, seed) if wanted else None
         if wanted and not (beside is not None and beside.is_a_disturbance):
-            search(Given(problem, holdout, signatures, core_ranges(), rules, noise_rms, say), state)
+            search(Given(problem, holdout, signatures, core_ranges(), rules, noise_rms, timely), state)
         else:
             # No gap, or one that follows nothing that was logged: there is nothing to be refitted.
             state.complete = True
@@ -244,7 +250,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     diagnosis = with_finding(diagnosis, unlike(problem, plain_fit, holdout, prediction, lag, noise_rms))
     setup = [*(fault.in_a_line() for fault in faults), *plain.said, *diagnosis.setup]
     disturbed = gap.significant and verdict.verdict == "equivalent"
-    diagnosis = diagnosis.model_copy(update={"setup": setup, "disturbed": disturbed})
+    diagnosis = diagnosis.model_copy(update={"setup": setup, "disturbed": disturbed, "unexamined": state.unexamined})
     if state.complete:
         cache.clear()
     diagnosis = diagnosis.model_copy(update={"complete": state.complete, "seconds": round(time.monotonic() - begin, 3)})
