@@ -40,3 +40,24 @@ def test_what_an_arm_has_is_no_candidate_there_again() -> None:
     by_kind = {plan.kind: plan for plan in catalogue.PLANS}
     assert {"section 1", "section 2"}.isdisjoint(places.places(by_kind["effective_area"], january))
     assert "section 1" in places.places(by_kind["creep"], january)
+
+
+def test_what_no_arm_can_have_is_no_look_alike() -> None:
+    plans = {plan.kind: plan for plan in catalogue.PLANS}
+    possible = [
+        ("payload", (0.1, 0.02, 0.0, -0.01)),
+        ("tool_drag", (40.0, 3.0, 0.0, 1.0, 0.2, 0.1)),
+        ("base_tilt", (0.2, -0.1)),
+        ("pressure_offset", (3e4,)),
+        ("pressure_lag", (1.2, 0.7)),
+    ]
+    impossible = [
+        ("payload", (-3.4, 0.0, 0.0, 0.0)),
+        ("tool_drag", (12e3, 2.0, 4.0, 4e3, 24.0, 0.0)),
+        ("base_tilt", (0.5, -0.2)),
+        ("marker_offset", (0.0, 0.0, -0.1)),
+    ]
+    for kind, strengths in possible:
+        assert plans[kind].is_plausible(strengths, {"tau": 0.04}), kind
+    for kind, strengths in impossible:
+        assert not plans[kind].is_plausible(strengths, {}), kind

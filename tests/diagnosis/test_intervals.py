@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bha.diagnosis.candidate import Candidate
+from bha.diagnosis.candidate import Candidate, core_ranges
 from bha.diagnosis.catalogue import available
-from bha.diagnosis.intervals import _between_logs, coordinate_draws, form_deviation
+from bha.diagnosis.intervals import _between_logs, coordinate_draws, form_deviation, is_told
 from bha.diagnosis.screen import Signatures
 
 from .test_statistics import STEP, slow
@@ -106,3 +106,17 @@ def test_what_chance_explains_as_well_moves_nothing() -> None:
         problem, fit, signatures, _, _ = with_candidate(np.random.default_rng(seed), 0.0)
         moved += bool(form_deviation(problem, fit, signatures, seed)[0] > 0.0)
     assert moved <= 5  # two are expected
+
+
+@pytest.mark.parametrize(
+    ("bounds", "told"),
+    [((0.1, 0.3), True), ((-0.3, -0.1), True), ((-0.1, 0.3), False), ((0.0, 0.3), False)],
+)
+def test_an_effect_of_which_there_may_be_none_is_not_told(bounds: tuple[float, float], told: bool) -> None:
+    (plan,) = available(("pressure_gain",))
+    candidate = Candidate(plan, "input p11", {})
+    term, _ = candidate.term([0.2], core_ranges())
+    model = SimpleNamespace(coordinates=(None, *term.coordinates), place=lambda number: slice(1, 2))
+    trial: Any = SimpleNamespace(candidates=(candidate,), fit=SimpleNamespace(model=model))
+    assert is_told(trial, [(-1.0, 1.0), bounds]) is told
+    assert is_told(SimpleNamespace(candidates=(), fit=SimpleNamespace(model=model)), [])  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from bha.diagnosis.plan import KindPlan, Numbers, Shape, Strength
+from bha.diagnosis.plan import PLACES, KindPlan, Numbers, Shape, Strength
 from bha.errors import InputError
 from bha.parameters import EFFECT_KINDS
 
@@ -23,6 +23,8 @@ YIELD_GRID = (1e-3, 2.5e-3, 6e-3, 15e-3, 40e-3)
 DIRECTIONS = tuple(k * math.pi / 4.0 for k in range(8))
 #: Planes of bending, rad.
 PLANES = tuple(k * math.pi / 4.0 for k in range(4))
+#: Stiffest spring of a hose, N/m, as the core allows.
+STIFFEST_HOSE = 1e4
 PAYLOAD_PROBE, PAYLOAD_OFFSET = 0.01, 0.05
 HOSE_PROBE, HOSE_REACH = 0.5, 0.3
 #: How far a base plausibly leans that was put up by eye, rad, and a marker stands from where the file has it, m: what
@@ -43,9 +45,14 @@ def _payload_start(strengths: Sequence[float], shape: Numbers) -> dict[str, floa
 
 def _hose_start(strengths: Sequence[float], shape: Numbers) -> dict[str, float]:
     """Spring and anchor from the strengths of its probes, anchored at the origin and shifted along x, y, z."""
-    stiffness = float(sum(strengths[:4]))
+    stiffness = min(float(sum(strengths[:PLACES])), STIFFEST_HOSE)
     if stiffness < 0.5:
-        return {"stiffness": 0.5, "damping": max(0.0, float(strengths[4])), "drag": max(0.0, float(strengths[5]))}
+        # Less than none, linearly, of a hose that holds the arm fast: a fit begins far below it, and in its scale.
+        return {
+            "stiffness": max(0.5, -0.1 * stiffness),
+            "damping": max(0.0, float(strengths[4])),
+            "drag": max(0.0, float(strengths[5])),
+        }
     anchor = [min(max(HOSE_REACH * float(s) / stiffness, -2.0), 2.0) for s in strengths[1:4]]
     return {
         "stiffness": stiffness,

@@ -223,8 +223,8 @@ def _effects(
         refitted = {t.key[place] for t, _ in rivals}
         for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
             promised = best.get((kind, where))
-            # What would help with the wrong sign only is no member of the class.
-            if (kind, where) not in refitted and (promised is None or promised.scored.score > 0.0):
+            # What would help with the wrong sign only, or by more than arms have of it, is no member of the class.
+            if (kind, where) not in refitted and (promised is None or promised.is_possible):
                 alike.setdefault((kind, where), _promised(promised, kind, where))
         compared = [t for t, _ in rivals[:5]]
         shares = confidences(problem, [chosen, *compared], seed) if rivals else np.ones(1)
@@ -269,12 +269,15 @@ def _promised(entry: excitation.Best | None, kind: str, where: str) -> Alternati
     if entry is None:
         return Alternative(kind=kind, where=where)
     term, start = entry.scored.candidate.term(entry.scored.strengths, core_ranges())
-    strengths = dict(zip((s.name for s in entry.scored.candidate.plan.strengths), entry.scored.strengths, strict=False))
+    plan = entry.scored.candidate.plan
+    # Where probes stand for something else, the start of a fit is what they promise.
+    named = () if plan.probes is not None else plan.strengths
+    strengths = dict(zip((s.name for s in named), entry.scored.strengths, strict=False))
     x = [
         c.coordinate(strengths[number_of(c)]) if number_of(c) in strengths else v
         for c, v in zip(term.coordinates, start, strict=True)
     ]
-    return _with_numbers(kind, where, together(term.elements(x), entry.scored.candidate.plan.adding))
+    return _with_numbers(kind, where, together(term.elements(x), plan.adding))
 
 
 def _with_numbers(kind: str, where: str, values: Mapping[str, float]) -> Alternative:

@@ -60,6 +60,12 @@ class Best:
     index: int
     scored: Scored
 
+    @property
+    def is_possible(self) -> bool:
+        """Whether it would help, and an arm may have as much of it."""
+        own = self.scored
+        return own.score > 0.0 and own.candidate.plan.is_plausible(own.strengths, own.candidate.shape)
+
 
 def best_by_key(screening: Screening, signatures: Signatures) -> dict[tuple[str, str], Best]:
     """Of every kind and place the shape with the best score; a bank looks like what its best element looks like."""

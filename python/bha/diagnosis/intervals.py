@@ -33,6 +33,7 @@ from bha.diagnosis.memory import draws_like
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.screen import Signatures, score
 from bha.diagnosis.where import BLOCK_TIME, block_edges
+from bha.estimation.terms import number_of
 
 Array = NDArray[np.float64]
 
@@ -60,6 +61,22 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float 
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     draws = rng.standard_normal((REPEATS, len(spread))) @ root.T
     return np.asarray(draws * np.hypot(np.maximum(spread, wanted), form))
+
+
+def is_told(trial: Trial, uncertainty: Sequence[tuple[float, float]]) -> bool:
+    """Whether some strength of a set of effects is told from none, by the 95 % interval of each coordinate.
+
+    What could be nothing, as far as the logs and what else may be missing say, is no name. A set without strengths
+    (lags, dead bands) is.
+    """
+    model = trial.fit.model
+    strengths = []
+    for number, candidate in enumerate(trial.candidates):
+        names = {strength.name for strength in candidate.plan.strengths}
+        place = model.place(number)
+        own = range(place.start, place.stop)
+        strengths += [uncertainty[k] for k in own if number_of(model.coordinates[k]) in names]
+    return not strengths or any(not low <= 0.0 <= high for low, high in strengths)
 
 
 def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int) -> Array:

@@ -10,6 +10,10 @@ Numbers = Mapping[str, float]
 
 #: Strength of a probe as a share of the typical one.
 PROBE_SHARE = 0.05
+#: Probes of one amount at several places: at an origin and shifted along x, y and z.
+PLACES = 4
+#: Standard deviations of its prior beyond which no arm has a strength.
+FARTHEST = 3.0
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,19 @@ class KindPlan:
     adding: tuple[str, ...] = ()
     bank: tuple[Numbers, ...] = ()
     forward: bool = False
+
+    def is_plausible(self, strengths: Sequence[float], shape: Numbers) -> bool:
+        """Whether an arm may have what probes promise: as its priors say, and as a fit would begin with it.
+
+        Signatures are those of little of an effect; three kilograms that are missing are none.
+        """
+        if self.probes is None:
+            own = zip(self.strengths, strengths, strict=False)
+            return all(abs(value) <= FARTHEST * strength.plausible for strength, value in own)
+        if not self.strengths or self.begin is None:
+            return True
+        amount = float(sum(strengths[:PLACES]))
+        return math.isclose(self.begin(strengths, shape)[self.strengths[0].name], amount, rel_tol=1e-6)
 
     @property
     def one_sided_numbers(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ screening. What the model lacks beside them is not in it: double the distance th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -102,7 +103,7 @@ def split(arm: Arm, found: Diagnosis, observation: Observation, seed: int = 0) -
 
 
 def arms_of_class(arm: Arm, effect: Effect) -> list[tuple[str, Arm]]:
-    """An arm a member of the class of ``effect``, which ``arm`` has; with its name."""
+    """An arm a member of the class of ``effect``, which ``arm`` has; with its name. None of what no arm can have."""
     effects = list(arm.parameters.effects)
     place = next((k for k, e in enumerate(effects) if (e.kind, e.where) == (effect.kind, effect.where)), None)
     if place is None:
@@ -114,7 +115,8 @@ def arms_of_class(arm: Arm, effect: Effect) -> list[tuple[str, Arm]]:
         if not numbers and EFFECT_KINDS[other.kind].parameters:
             continue
         table = {"kind": other.kind, "where": other.where, **numbers}
-        members.append((f"{other.kind} at {other.where}", arm.with_effects([*others, table])))
+        with suppress(ParameterError):
+            members.append((f"{other.kind} at {other.where}", arm.with_effects([*others, table])))
     return members
 
 

@@ -19,12 +19,12 @@ from bha.diagnosis.baseline import (
 )
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.candidate import core_ranges
-from bha.diagnosis.decide import Decision, Thresholds, decide, gap_test, tolerant, without_faults
+from bha.diagnosis.decide import Decision, Thresholds, decide, gap_test, tolerant, untold, without_faults
 from bha.diagnosis.describe import describe
-from bha.diagnosis.fit import Problem, evaluate, whole_logs, with_sensitivities
+from bha.diagnosis.fit import Fit, Problem, evaluate, whole_logs, with_sensitivities
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
-from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals
+from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_told
 from bha.diagnosis.noises import disturbed_outputs, mean_white_square
 from bha.diagnosis.plain import fit_plain
 from bha.diagnosis.preparation import (
@@ -214,21 +214,24 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     after = before
     if state.best.candidates and np.isfinite(prediction.mean_square):
         before, after = rms_errors(prediction, state.best.prediction)
-    for record, end in zip(held, until, strict=True):
-        if np.isfinite(end):
-            state.notes.append(f"{record.name}: compared up to {end:.1f} s; after that a model runs away")
+    state.notes += [
+        f"{record.name}: compared up to {end:.1f} s; after that a model runs away"
+        for record, end in zip(held, until, strict=True)
+        if np.isfinite(end)
+    ]
     decision = decide(state, gap, noise_rms, limits, tolerance)
     if beside is not None and state.complete:
         decision = beside.judge(decision, noise_rms)
         decision = _completed(decision, state, problem, holdout, signatures, (before, after), seed)
+    say("intervals and report")
+    final = state.best if decision.verdict == "named" else state.plain
+    fit, draws, uncertainty = _known(problem, final, signatures, seed)
+    if not is_told(final, uncertainty):
+        decision = untold(decision, final.label)
+        final = state.plain
+        fit, draws, uncertainty = _known(problem, final, signatures, seed)
     verdict = without_faults(decision, faults)
     errors = (before, after if verdict.verdict == "named" else before)
-    say("intervals and report")
-    final = state.best if verdict.verdict == "named" else state.plain
-    fit = final.fit if final is state.plain else with_sensitivities(problem, final.fit)
-    form = form_deviation(problem, fit, signatures, seed) if verdict.verdict == "named" else 0.0
-    draws = coordinate_draws(problem, fit, seed, form)
-    uncertainty = intervals(fit, draws)
     diagnosis = describe(
         baseline,
         holdout,
@@ -265,6 +268,18 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         baseline=baseline,
         uncertainty=uncertainty,
     )
+
+
+def _known(
+    problem: Problem, trial: Trial, signatures: Signatures, seed: int
+) -> tuple[Fit, Array, list[tuple[float, float]]]:
+    """The fit of a set with its sensitivities, draws of what the logs leave open of it, and its intervals."""
+    if not trial.candidates:
+        draws = coordinate_draws(problem, trial.fit, seed)
+        return trial.fit, draws, intervals(trial.fit, draws)
+    fit = with_sensitivities(problem, trial.fit)
+    draws = coordinate_draws(problem, fit, seed, form_deviation(problem, fit, signatures, seed))
+    return fit, draws, intervals(fit, draws)
 
 
 def _completed(
