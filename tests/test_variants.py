@@ -108,3 +108,17 @@ def test_values_of_no_arm_are_an_error() -> None:
     with pytest.raises(bha.InputError, match="finite"):
         variants.arm(start * [np.nan, 1.0])
     assert paths.get_value(ARM.parameters, "section.1.mass") == start[0]
+
+
+@pytest.mark.parametrize("time", [0.05, 0.1, 0.2, 0.3, 0.7])
+def test_what_comes_down_to_nothing_is_nothing(time: float) -> None:
+    """A dead time of 0, as a bound has it: 0.2 less 0.2 in computed steps is -1e-16, which no arm has."""
+    parameters = ARM.with_effects([{"kind": "delay", "where": "all", "time": time}]).parameters
+    (own,) = resolve(parameters, ("effect.1.time",))
+
+    def describe(values: Array) -> Mapping[str, Any]:
+        return with_values(parameters, (own,), values).to_core()
+
+    variants = Variants(describe, [time], [0.1])
+    assert variants.computed
+    variants.arm(np.array([0.0]))

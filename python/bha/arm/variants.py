@@ -33,6 +33,8 @@ _STEPS = (0.2, -0.2, 0.02, -0.02, 1e-3, -1e-3)
 _SHARES = (0.9, 0.35, 0.6)
 #: Greatest relative error of a computed number.
 _EXACT = 1e-9
+#: The same of one that is nothing but rounding.
+_ROUNDED = 1e-14
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,9 @@ class _Compiled:
         if self.products.any():
             own = self.base[self.products]
             numbers[self.products] = own * np.prod(1.0 + moved[self.products] / own[:, None], axis=1)
-        return np.asarray(numbers)
+        # What is none but for rounding is none: less than none of a time or a mass would be no arm.
+        size = np.abs(self.base) + np.abs(moved).sum(axis=1)
+        return np.where(np.abs(numbers) <= _ROUNDED * size, 0.0, numbers)
 
 
 class Variants:
