@@ -24,6 +24,7 @@ from bha.estimation.disturbed import Disturbed, fit_with_noise
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.integration import by, choose_integration, too_coarse
+from bha.estimation.long_run import correlation_length
 from bha.estimation.pace import Pace, Progress
 from bha.estimation.pressure_noise import PAIRS, Corrected, corrected, is_noisy, uncorrected
 from bha.estimation.problem import HUBER, Normal, Point, Problem, Residuals, state_deviations
@@ -31,7 +32,7 @@ from bha.estimation.records import Record, Window, some_of, windows
 from bha.estimation.runs import Integration
 from bha.estimation.solver import Interrupted, Outcome, Policy, solve
 from bha.estimation.strays import is_sparse, without_strays
-from bha.estimation.uncertainty import Uncertainty, correlation_length, uncertainty
+from bha.estimation.uncertainty import Uncertainty, uncertainty
 from bha.runs.options import Method
 from bha.support.shown import short_repr
 
@@ -232,8 +233,7 @@ def refine(
                 stages.append(stage)
                 pace.work.append(pace.work[-1])
         assert reached is not None
-        searched = True
-        problem, outcome = reached
+        (problem, outcome), searched = reached, True
         if (noises := _with_noises(problem, outcome, settings, pace)) is not None:
             problem, outcome = reached = noises.problem, noises.outcome
         outcome, known, moved = _known(problem, outcome, noises, settings, pace)

@@ -10,10 +10,11 @@ section by section, in this order:
 3. else the mass is that of the file, within 5 % where it calls it measured (on a scale), else within 15 %, and areas
    are free.
 
-Numbers of a tape measure are free about the file's values: rest lengths, how far below the head the mass hangs, where
-wires run. A rest length that is off by some per cent is millimetres, many times the noise, and what cannot become
-length becomes curvature of springs and weight (docs/decisions/0015). Guesses (stiffness, bending stiffness, damping)
-are free by factors.
+Numbers of a tape measure are free about the file's values: rest lengths, how far below the head the mass hangs and how
+it is spread about that (moments of inertia), where wires run. A rest length that is off by some per cent is
+millimetres, many times the noise, and what cannot become length becomes curvature of springs and weight; moments that
+are not those of the cylinder of (56) become bending stiffness, and radii of wires (docs/decisions/0015). Guesses
+(stiffness, bending stiffness, damping) are free by factors.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ STIFFNESS, DAMPING = math.log(1e6), math.log(1e6)
 CURVED = 0.5
 #: Standard deviation of a bending stiffness, in itself or what the springs bend, whichever is greater.
 BENDING = 10.0
+#: Standard deviation of the logarithm of a factor on moments of inertia: those of (56) are of a solid cylinder, and the
+#: mass of bellows lies along them.
+INERTIA = 0.5
 #: Standard deviations of a rest length, and of where the mass hangs, in rest lengths.
 REST_LENGTH, CENTRE = 0.03, 1.0 / 6.0
 #: Standard deviations of the azimuth of a wire, rad, and of its radius, in itself.
@@ -93,6 +97,8 @@ def _of_section(parameters: ArmParameters, number: int, records: Sequence[Record
     if "mass" not in published:
         weighed = WEIGHED if status.get("mass") == "measured" else STATED
         free.append(_about(f"{place}.mass", section.mass, math.log(5.0) if drawn else weighed))
+    if not {"mass", "inertia"} & published:
+        free.append(_about(f"{place}.inertia.*", 1.0, INERTIA))
     for k, value in enumerate(section.stiffness, start=1):
         path = f"{place}.stiffness.{k}"
         if k > 1:

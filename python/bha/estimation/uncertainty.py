@@ -6,9 +6,9 @@ Sources of error are put together:
 - noise of the measured pressures that drive the simulation, through simulations with redrawn noise;
 - what is not known of the sizes of the noises, where these were found (:mod:`bha.estimation.noise_fit`), and what
   rounding to coarse steps does beyond a first-order process, by redrawn readings;
-- whatever makes residuals correlated (a model that is not quite right), through the sandwich estimator with a Bartlett
-  kernel over the scores (Newey and West 1987). It counts only where it is larger than the first two: in every direction
-  the larger variance is taken.
+- whatever makes residuals correlated (a model that is not quite right, a push that is in no log), through the sandwich
+  estimator with the long-run covariance of the scores (:mod:`bha.estimation.long_run`). It counts only where it is
+  larger than the first two: in every direction the larger variance is taken.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bha.estimation import pressure_noise
 from bha.estimation.disturbed import Disturbed
+from bha.estimation.long_run import long_run
 from bha.estimation.noise import redrawn_errors
 from bha.estimation.noise_fit import spread_of_sizes
 from bha.estimation.pressure_noise import Corrected
@@ -101,10 +102,7 @@ def uncertainty(
     sensitivities = [part.sensitivity * part.mask[..., None] for part in parts]
     drawn = draws if noises is None or noises.is_coarse else 0
     pressures = spread @ pressure_noise.scores(problem, point, sensitivities, seed, drawn) @ spread.T
-    rows, seconds = _correlation_rows(problem, parts)
-    scores = np.zeros_like(h)
-    for part, lag in zip(parts, rows, strict=True):
-        scores += _bartlett(np.einsum("tcp,tc->tp", part.sensitivity, part.residual), lag)
+    lasting = long_run(_by_log(problem, parts))
     covariance = sensors + pressures
     if noises is not None:
         # Innovations have all that disturbs in their own covariance, but for readings in coarse steps.
@@ -113,14 +111,14 @@ def uncertainty(
             readings = _redrawn_readings(noises, sensitivities, seed, max(draws, DRAWS))
             covariance = larger(covariance, spread @ readings @ spread.T + pressures)
         covariance = covariance + _of_sizes(noises)
-    covariance = larger(covariance, spread @ scores @ spread.T)
+    covariance = larger(covariance, lasting.widening**2 * spread @ lasting.covariance @ spread.T)
     return Uncertainty(
         covariance=covariance,
         from_sensors=sensors,
         from_pressures=pressures,
         information=better.information,
         inflation=float(np.median(np.diag(covariance) / np.diag(inverse))),
-        correlation_time=seconds,
+        correlation_time=lasting.seconds,
     )
 
 
@@ -153,45 +151,16 @@ def larger(a: Array, b: Array) -> Array:
     return np.asarray(root @ (directions * np.maximum(ratios, 1.0) @ directions.T) @ root)
 
 
-def _correlation_rows(problem: Problem, parts: list[Projection]) -> tuple[list[int], float]:
-    """Per window the kernel's length in rows, and the longest correlation time of any channel, s."""
-    times = []
+def _by_log(problem: Problem, parts: list[Projection]) -> list[tuple[Array, Array, float]]:
+    """Scores and residuals of each log, its windows joined, and the interval of its rows, s."""
+    found = []
     for number, rec in enumerate(problem.model.records):
-        interval = rec.duration / (len(rec) - 1)
-        members = [part for window, part in zip(problem.windows, parts, strict=True) if window.record == number]
-        rows = [correlation_length([part.residual[:, c] for part in members]) for c in range(len(rec.channels))]
-        times.append(max(rows, default=1.0) * interval)
-    lengths = []
-    for window, part in zip(problem.windows, parts, strict=True):
-        rec = problem.model.records[window.record]
-        interval = rec.duration / (len(rec) - 1)
-        lengths.append(int(np.clip(np.ceil(2.0 * times[window.record] / interval), 1, max(1, len(part.mask) // 2))))
-    return lengths, max(times, default=0.0)
-
-
-def correlation_length(series: list[Array]) -> float:
-    """Integrated autocorrelation length of residuals, in rows: 1 for white ones (Geyer's initial positive sequence)."""
-    length = min((len(s) for s in series), default=0)
-    if length < 8:
-        return 1.0
-    spectrum = np.zeros(length)
-    for values in series:
-        transform = np.fft.rfft(values[:length], 2 * length)
-        spectrum += np.fft.irfft(np.abs(transform) ** 2, 2 * length)[:length]
-    if spectrum[0] <= 0.0:
-        return 1.0
-    rho = spectrum / spectrum[0]
-    pairs = rho[1:-1:2] + rho[2::2]
-    end = int(np.argmax(pairs <= 0.0)) if np.any(pairs <= 0.0) else len(pairs)
-    return float(max(1.0, 1.0 + 2.0 * np.sum(pairs[:end])))
-
-
-def _bartlett(scores: Array, lag: int) -> Array:
-    """Long-run covariance of the sum of scores with a Bartlett kernel of ``lag`` rows, shape (p, p)."""
-    padded = np.vstack([np.zeros((lag, scores.shape[1])), scores, np.zeros((lag - 1, scores.shape[1]))])
-    total = np.cumsum(padded, axis=0)
-    moving = total[lag:] - total[:-lag]
-    return np.asarray(moving.T @ moving / lag)
+        own = [part for window, part in zip(problem.windows, parts, strict=True) if window.record == number]
+        if own:
+            residuals = np.concatenate([part.residual for part in own])
+            scores = np.concatenate([np.einsum("tcp,tc->tp", part.sensitivity, part.residual) for part in own])
+            found.append((scores, residuals, rec.duration / (len(rec) - 1)))
+    return found
 
 
 def _inverse(h: Array) -> Array:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.estimation.long_run import correlation_length
 from bha.estimation.records import Record, Window
-from bha.estimation.uncertainty import correlation_length
 
 Array = NDArray[np.float64]
 

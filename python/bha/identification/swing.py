@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import ConvergenceError, InputError
 from bha.estimation.initial import guess_of, pose_of
+from bha.estimation.long_run import correlation_length
 from bha.estimation.records import Record
 from bha.estimation.stretches import Stretch, steady_state, stretch_between, swings
-from bha.estimation.uncertainty import correlation_length
 from bha.parameters import ArmParameters, paths
 from bha.runs.input import Input
 from bha.simulation.single import simulate
