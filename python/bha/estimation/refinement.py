@@ -346,14 +346,19 @@ def _without_pressure_noise(
     better = corrected(problem, outcome.point, normal, seed=settings.seed)
     before = problem.evaluated(outcome.point.z, outcome.point.states)
     first = replace(outcome, point=before), normal, better
+    size = np.inf
     for _ in range(_CORRECTIONS):
         point = outcome.point
+        before_size, size = size, float(better.step @ normal.reduced()[0] @ better.step)
+        if size > before_size:
+            # Corrections that grow lead away, along what noise alone tells.
+            break
         moved = problem.evaluated(np.clip(point.z + better.step, *bounds), point.states + better.state_steps)
         if not np.isfinite(moved.cost):
             break
         outcome = replace(outcome, point=moved)
         # Steps within the error are not repeated: the information is that of next to the same point.
-        if better.step @ normal.reduced()[0] @ better.step < len(better.step):
+        if size < len(better.step):
             break
         normal = problem.normal(moved, keep=True)
         better = corrected(problem, moved, normal, seed=settings.seed)
