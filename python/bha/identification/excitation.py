@@ -111,7 +111,7 @@ def excite(
             would leave its length range.
         highest_frequency: of the multisine, Hz.
         free: parameters to judge; if None those of the fit, or those that are free by default where lengths are
-            measured (:func:`bha.estimation.scale.default_free_of`).
+            measured (:func:`bha.estimation.scale.default_free_of`), without moments of inertia.
         noise: standard deviation of the length sensors, m; after a fit its channels and their noise count instead.
         seed: of phases and levels.
         after: the last result, or its summary (``bha identify --json``): pieces are chosen that tell what it could not,
@@ -146,7 +146,9 @@ def excite(
     pieces = kinds
     if known is None:
         rec = made_record(arm, *within(pieces, duration), observed)
-        coordinates = resolve(arm.parameters, default_free_of(arm.parameters, [rec]) if free is None else free)
+        # What is free beside them by a prior that is good enough is nothing to be told.
+        wanted = [f for f in default_free_of(arm.parameters, [rec]) if not f.path.endswith(".inertia.*")]
+        coordinates = resolve(arm.parameters, wanted if free is None else free)
         before = np.zeros((len(coordinates), len(coordinates)))
     else:
         coordinates, before = _after(arm, known, free)
