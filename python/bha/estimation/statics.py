@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from bha.estimation.dense import minimize
 from bha.estimation.free import Coordinate
 from bha.estimation.held import Held, HeldPoses, sort_of
+from bha.estimation.long_run import correlation_length
 from bha.estimation.records import Record
 from bha.estimation.slow import slow_record
-from bha.estimation.uncertainty import correlation_length
 from bha.parameters import ArmParameters, paths
 
 Array = NDArray[np.float64]
