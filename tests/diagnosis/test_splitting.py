@@ -52,7 +52,8 @@ def test_members_differ_in_the_effect_alone() -> None:
     other = {"kind": "creep", "where": "all", "stiffness": 100.0, "tau": 1.0}
     base = one_section().with_effects([{"kind": "weak_bellows", "where": "bellows 12", "change": -0.25}, other])
     unknown = Alternative(kind="payload", where="section 1")  # no numbers: it cannot be simulated
-    members = arms_of_class(base, named(TILT, unknown))
+    impossible = alternative("payload", "section 1", mass=-3.4)  # more than the section has
+    members = arms_of_class(base, named(TILT, unknown, impossible))
     assert [name for name, _ in members] == ["weak_bellows at bellows 12", "base_tilt at all"]
     assert [[e.kind for e in a.parameters.effects] for _, a in members] == [
         ["creep", "weak_bellows"],
