@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.given import Given
+from bha.diagnosis.places import members
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.screen import Scored, Screening
 
@@ -66,6 +69,26 @@ def promising(
         kinds[key[0]] = kinds.get(key[0], 0) + 1
         chosen.append(scored)
         if len(chosen) == count:
+            break
+    return chosen
+
+
+def other_kinds(
+    ranking: Sequence[Scored], best: Candidate, known: Collection[Key], core: Mapping[str, Any], most: int
+) -> list[Scored]:
+    """Kinds that were not refitted, in the place of the best one that was, by score, at most so many.
+
+    Of an effect that is far from little, scores tell the place sooner than the kind.
+    """
+    place = set(members(best.where, "input", core))
+    chosen: list[Scored] = []
+    for scored in ranking:
+        own = scored.candidate
+        if own.key in known or scored.score <= 0.0 or any(own.kind == c.candidate.kind for c in chosen):
+            continue
+        if set(members(own.where, "input", core)) == place:
+            chosen.append(scored)
+        if len(chosen) == most:
             break
     return chosen
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bha.diagnosis.abreast import abreast
-from bha.diagnosis.contenders import contenders
+from bha.diagnosis.contenders import contenders, other_kinds
 from bha.diagnosis.given import Given
 from bha.diagnosis.ranking import by_criterion, in_order
 from bha.diagnosis.refit import Trial, added, refined
@@ -23,8 +23,8 @@ def forward(given: Given, search: Search) -> None:
     excess = max(0.0, plain.squares - problem.rows)
     while len(search.best.candidates) < rules.most:
         current = search.best
-        known = search.screening if current is search.plain else None
-        screening = known or score(problem, current.fit, given.signatures)
+        first = search.screening if current is search.plain else None
+        screening = first or score(problem, current.fit, given.signatures)
         search.screening = search.screening or screening
         # A further effect brings as much where it shows beside the others.
         enough = (1.0 - rules.shows**-2) * current.fit.squares if current.candidates else rules.worth * excess
@@ -36,6 +36,11 @@ def forward(given: Given, search: Search) -> None:
         trials = tried(given, search, chosen)
         if not trials:
             return
+        if not current.candidates and _leaves_much(given, search, trials[0]):
+            known = {trial.key[-1] for trial in trials}
+            core = plain.model.core
+            others = other_kinds(screening.ranking, trials[0].candidates[-1], known, core, rules.beside)
+            trials = in_order(given, current, plain.trust, [*trials, *tried(given, search, others)])
         search.rivals.append(trials)
         best = trials[0]
         chance = screening.chance(gain(current, best))
@@ -52,6 +57,13 @@ def forward(given: Given, search: Search) -> None:
         if best.fit.squares / problem.rows < rules.shows**2 and len(best.candidates) < rules.most:
             search.notes.append("what is left is no gap: no further effect is sought")
             return
+
+
+def _leaves_much(given: Given, search: Search, best: Trial) -> bool:
+    """Whether what a set leaves of the training logs is a gap, and much of what the plain model does."""
+    rules, rows = given.rules, given.problem.rows
+    left, excess = best.fit.squares - rows, max(0.0, search.plain.fit.squares - rows)
+    return best.fit.squares >= rules.shows**2 * rows and left > rules.open * excess
 
 
 def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]:

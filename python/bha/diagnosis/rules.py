@@ -19,6 +19,7 @@ class Rules:
         most: most effects.
         tried: candidates that are refitted in the first round, and in later ones.
         per_kind: candidates of one kind among them.
+        beside: kinds that are refitted in the place of the best of the first round where that leaves much.
         enter: greatest probability that the best of all candidates brings as much by chance, with which an effect is
             taken in: a true one stands out less while others are still missing.
         chance: the same with which it stays, and with which a further element of it is taken in.
@@ -44,6 +45,7 @@ class Rules:
     most: int = 4
     tried: tuple[int, int] = (4, 3)
     per_kind: int = 2
+    beside: int = 4
     enter: float = 0.05
     chance: float = 0.01
     confirmed: float = 0.3
