@@ -165,7 +165,10 @@ def _length(run: Run, step: float) -> int:
 
 def _together(runs: Sequence[Run], step: float, method: Method, threads: int | None) -> list[Array]:
     """Outputs of runs that have an arm, in one batch."""
-    grids = {run.stretch: run.grid(step) for run in runs}
+    grids: dict[tuple[int, int, int, float], Grid] = {}
+    for run in runs:
+        if run.stretch not in grids:
+            grids[run.stretch] = run.grid(step)
     places = {key: k for k, key in enumerate(grids)}
     arms = {id(run.arm): run.arm for run in runs if run.arm is not None}
     arm_at = {key: k for k, key in enumerate(arms)}
