@@ -10,9 +10,9 @@ stand in FOLDER's results and are not done again.
 The logs are those that docs/explanation/estimation.md names; without them there is nothing to do.
 
 Models: ``paper`` is the fit of examples/identify_real_arm.py (linear springs, bending stiffness and damping of each
-section, preloads from first poses), ``defaults`` is ``bha.identify`` from the shipped guess as it stands, ``ridge`` the
-black box, as it is and shifted to each log's first pose, ``guess`` the shipped guess, ``mean`` the mean pose of the
-logs.
+section, elements that slip, strained as first poses tell), ``constant forces`` the same without these, ``defaults`` is
+``bha.identify`` as it stands from a file of a tape measure (benches/tape_measured.py), ``ridge`` the black box, as it
+is and shifted to each log's first pose, ``guess`` the shipped guess, ``mean`` the mean pose of the logs.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 import bha
 from benches.ridge import Ridge, fitted_ridge
+from benches.tape_measured import tape_measured
 from bha.estimation.lags import with_lag
 from bha.identification import FreeParameter, Record, identify, predict, record
 from bha.recordings import PressureSort
@@ -123,8 +124,17 @@ def _record(arm: bha.Arm, logs: Logs, name: str, pressures: PressureSort) -> Rec
 
 def of_the_paper(fold: Fold, logs: Logs, pressures: PressureSort) -> Callable[[str], float]:
     """The fit of the example; under commands with a lag of filling and one of venting."""
-    start = example.starting_arm("work_conjugate", swapped=False)
-    free: list[FreeParameter] = example.free_parameters()
+    return _of_the_example(fold, logs, pressures, slips=True)
+
+
+def of_constant_forces(fold: Fold, logs: Logs, pressures: PressureSort) -> Callable[[str], float]:
+    """The same without elements that slip: what holds the arm where a log begins holds it all along."""
+    return _of_the_example(fold, logs, pressures, slips=False)
+
+
+def _of_the_example(fold: Fold, logs: Logs, pressures: PressureSort, *, slips: bool) -> Callable[[str], float]:
+    start = example.starting_arm("work_conjugate", swapped=False, slips=slips)
+    free: list[FreeParameter] = example.free_parameters(start)
     if pressures == "commanded":
         start, lags = with_lag(start, [_record(start, logs, name, pressures) for name in fold.fit])
         free += lags
@@ -133,9 +143,8 @@ def of_the_paper(fold: Fold, logs: Logs, pressures: PressureSort) -> Callable[[s
 
 
 def of_defaults(fold: Fold, logs: Logs, pressures: PressureSort) -> Callable[[str], float]:
-    """``bha.identify`` as it stands."""
-    guess = bha.robots.load("asu_two_section")
-    result = identify(guess, [logs[name] for name in fold.fit], pressures=pressures)
+    """``bha.identify`` as it stands, from a tape measure's file."""
+    result = identify(tape_measured(), [logs[name] for name in fold.fit], pressures=pressures)
     return _of_arm(result.arm(), logs, pressures)
 
 
@@ -173,6 +182,7 @@ def _of_arm(arm: bha.Arm, logs: Logs, pressures: PressureSort) -> Callable[[str]
 
 MODELS: dict[str, Callable[[Fold, Logs, PressureSort], Callable[[str], float]]] = {
     "paper": of_the_paper,
+    "constant forces": of_constant_forces,
     "defaults": of_defaults,
     "ridge": of_ridge,
     "ridge from the first pose": of_ridge_from_the_first_pose,

@@ -1,11 +1,11 @@
 """A real two-section arm identified: parameters from nine measured logs, tested on four that took no part.
 
 January (three days) and April are identified each on its own, since the arm was taken apart in between. Free are the
-springs, bending stiffness and damping of each section and how its areas change with length: few numbers carry over to
-motions that were not fitted, many do not. What
-holds the arm where a log begins (it creeps and sticks) is told by the log's first pose, for logs that take no part as
-for the others. Prints the error of each head and axis before and after beside the arm's repeatability, and writes a
-parameter file for each session. Takes about a minute.
+springs, rest length, bending stiffness and damping of each section, how its areas change with length and how much of
+its force slips: few numbers carry over to motions that were not fitted, many do not. What holds the arm where a log
+begins is told by the log's first pose, for logs that take no part as for the others: elements that slip are as strained
+as that pose says, and give way once the arm moves on. Prints the error of each head and axis before and after beside
+the arm's repeatability, and writes a parameter file for each session. Takes about two minutes.
 
 FOLDER holds the logs of github.com/ASU-RISE-Lab/4-chamber-softarm-control, converted as
 docs/reference/logs.md describes.
@@ -60,8 +60,12 @@ SETTINGS = Settings(
 )
 
 
-def starting_arm(force_model: str, swapped: bool) -> bha.Arm:
-    """The shipped guess with a preload in each section and the damping of something that creeps."""
+#: Yields of the elements that slip in each bellows, m: less and more than a bend or a stretch.
+YIELDS = (4e-3, 15e-3)
+
+
+def starting_arm(force_model: str, swapped: bool, *, slips: bool = True) -> bha.Arm:
+    """The shipped guess with a preload in each section, elements that slip, the damping of something that creeps."""
     mapping = bha.robots.parameters("asu_two_section").to_mapping()
     mapping["force_model"] = force_model
     for section in mapping["section"]:
@@ -71,11 +75,14 @@ def starting_arm(force_model: str, swapped: bool) -> bha.Arm:
             for bellows in section["bellows"]:
                 bellows["input"] = {"p1": "p2", "p2": "p1"}[bellows["input"][:2]] + bellows["input"][2:]
     mapping["effect"] = [{"kind": "effective_area", "where": f"section {k}", "by_length": 0.0} for k in (1, 2)]
+    if slips:
+        element = {"kind": "hysteresis", "amplitude": 3.0, "sharpness": 1.0}
+        mapping["effect"] += [{**element, "where": f"section {k}", "yield": y} for y in YIELDS for k in (1, 2)]
     return bha.Arm(with_preloads(ArmParameters.from_mapping(mapping)))
 
 
-def free_parameters() -> list[FreeParameter]:
-    """Springs, bending stiffness, areas, and damping far above that of a metal bellows, for the material relaxes.
+def free_parameters(arm: bha.Arm) -> list[FreeParameter]:
+    """Springs, bending stiffness, areas, what slips, and damping far above that of a metal bellows.
 
     Damping has a bound: where it may, it makes up for what the arm remembers and is wrong in every other motion.
     """
@@ -85,7 +92,14 @@ def free_parameters() -> list[FreeParameter]:
         free += [FreeParameter(f"{section}.damping", upper=3e3)]
     # A chamber of fabric pushes with less area the longer it is.
     slope = {"prior": (0.0, 15.0), "logarithmic": False, "scale": 5.0}
-    return [*free, *(FreeParameter(f"effect.{k}.by_length", **slope) for k in (1, 2))]
+    free += [FreeParameter(f"effect.{k}.by_length", **slope) for k in (1, 2)]
+    slipping = [k for k, effect in enumerate(arm.parameters.effects, start=1) if effect.kind == "hysteresis"]
+    free += [FreeParameter(f"effect.{k}.amplitude", lower=0.05, prior=(3.0, 6.0)) for k in slipping]
+    if slipping:
+        # Constant forces hold the arm at its first pose whatever its rest lengths are; what gives way does not.
+        rests = [section.rest_length for section in arm.parameters.sections]
+        free += [FreeParameter(f"section.{k}.rest_length", prior=(own, 0.02)) for k, own in enumerate(rests, start=1)]
+    return free
 
 
 def read(arm: bha.Arm, folder: Path, names: tuple[str, ...]) -> list[Record]:
@@ -101,7 +115,7 @@ def identified(start: bha.Arm, folder: Path, session: Session, console: Console)
         console.print(f"  {100 * done:3.0f} % {text}", highlight=False)
 
     fit, held = read(start, folder, session.fit), read(start, folder, session.held_out)
-    return identify(start, fit, free_parameters(), holdout=held, settings=SETTINGS, progress=tell)
+    return identify(start, fit, free_parameters(start), holdout=held, settings=SETTINGS, progress=tell)
 
 
 def errors(result: Identification) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -18,13 +18,17 @@ from bha.errors import BhaError
 from bha.estimation.conditions import Condition, conditioned
 from bha.estimation.derived import described
 from bha.estimation.free import Coordinate, with_values
-from bha.estimation.preload import first_pose, preloads_of
+from bha.estimation.preload import Preloads, first_pose, preloads_of
 from bha.estimation.records import Record
 from bha.estimation.terms import EffectTerm, tables_of
 from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
+from bha.recordings.strained import free_start, one_a_bellows, slips, strains, with_starts
 
 Array = NDArray[np.float64]
+
+#: A start of what slips, as far as it plausibly is from none.
+STRAIN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,17 +104,17 @@ class Arms:
         def at(point: bytes, case: int) -> tuple[_core.Arm | None, Observation]:
             z = np.frombuffer(point)
             value = {c: c.value(float(x)) for c, x in zip(self.coordinates, z, strict=False)}
-            numbers = [table["parameters"] for table in tables_of(self.effects, self.split(z)[1])]
+            tables = tables_of(self.effects, self.split(z)[1])
             try:
                 values = np.array([value[c] for c in moving[case]])
                 stands = first(case, tuple(value[c] for c in on_pose[case])) if preloads else None
                 commanded = self.cases[case].commanded
                 if preloads is None or stands is None:
-                    arm = _variants(changed[case], moving[case], commanded, self.effects).arm(values, numbers)
+                    own = _variants(changed[case], moving[case], commanded, self.effects)
+                    arm = own.arm(values, [table["parameters"] for table in tables])
                 else:
-                    variants = _variants(changed[case], (*moving[case], *preloads.coordinates), commanded, self.effects)
-                    free = variants.arm(np.concatenate([values, np.zeros(len(preloads.coordinates))]), numbers)
-                    arm = variants.arm(np.concatenate([values, preloads.needed(free, *stands)]), numbers)
+                    told = (*moving[case], *preloads.coordinates)
+                    arm = _held(changed[case], told, commanded, self.effects, values, tables, preloads, stands)
                 return arm, observation(case, tuple(value[c] for c in on_outputs[case]))
             except BhaError:
                 return None, self.cases[case].observation
@@ -123,20 +127,78 @@ class Arms:
         return z[: ends[0]], [z[first:last] for first, last in pairwise(ends)]
 
 
+def _held(
+    parameters: ArmParameters,
+    coordinates: tuple[Coordinate, ...],
+    commanded: bool,
+    effects: tuple[EffectTerm, ...],
+    values: Array,
+    tables: Sequence[dict[str, Any]],
+    preloads: Preloads,
+    stands: tuple[list[float], Array, Array],
+) -> _core.Arm:
+    """The arm as its first pose tells what holds it: strains of what slips inside it first, preloads for the rest.
+
+    Args:
+        parameters: the arm.
+        coordinates: those of the values, then those of the preloads.
+        commanded: whether pressures pass through its pneumatics.
+        effects: what is put beside its own effects.
+        values: of the coordinates but for the preloads.
+        tables: the effects beside it in the core's description, with their numbers.
+        preloads: where they stand.
+        stands: radii, pose and pressures, see :meth:`Preloads.needed`.
+    """
+    nothing = np.zeros(len(preloads.coordinates))
+    own = [effect.to_core() for effect in parameters.effects]
+    if not slips([*own, *tables]):
+        make, numbers = _variants(parameters, coordinates, commanded, effects), [t["parameters"] for t in tables]
+        needed = preloads.needed(make.arm(np.concatenate([values, nothing]), numbers), *stands)
+        return make.arm(np.concatenate([values, needed]), numbers)
+    make = _variants(parameters, coordinates, commanded, effects, slipping=True)
+    if any(c.path.startswith("effect.") for c in coordinates[: len(values)]):
+        own = described(parameters, coordinates, np.concatenate([values, nothing]))["effect"]
+    own, more = one_a_bellows(own, parameters), one_a_bellows(tables, parameters)
+    count = sum(map(free_start, own))
+
+    def arm(left: Array, starts: Array) -> _core.Arm:
+        numbers = [table["parameters"] for table in with_starts(more, starts[count:])]
+        return make.arm(np.concatenate([values, left, starts[:count]]), numbers)
+
+    def needed_beside(starts: Array) -> Array:
+        return preloads.needed(arm(nothing, starts), *stands)
+
+    starts, left = strains([*own, *more], preloads.sections, needed_beside)
+    return arm(left, starts)
+
+
 @lru_cache(maxsize=64)
 def _variants(
     parameters: ArmParameters,
     coordinates: tuple[Coordinate, ...],
     commanded: bool,
     effects: tuple[EffectTerm, ...] = (),
+    slipping: bool = False,
 ) -> Variants:
-    """Arms by values of coordinates; measured pressures stand in the chambers already, so pneumatics go."""
+    """Arms by values of coordinates; measured pressures stand in the chambers already, so pneumatics go.
+
+    ``slipping``: what slips inside the arm is there bellows by bellows, and their starts are values behind the others.
+    """
     if effects:
         tables = tables_of(effects, [np.zeros(len(e.coordinates)) for e in effects])
-        return _variants(parameters, coordinates, commanded).beside(tables)
+        alone = _variants(parameters, coordinates, commanded, slipping=slipping)
+        return alone.beside(one_a_bellows(tables, parameters) if slipping else tables)
 
     def describe(values: Array) -> dict[str, Any]:
-        core = described(parameters, coordinates, values)
+        core = described(parameters, coordinates, values[: len(coordinates)])
+        if slipping:
+            each = one_a_bellows(core.get("effect", ()), parameters)
+            core = {**core, "effect": with_starts(each, values[len(coordinates) :])}
         return core if commanded else {key: entry for key, entry in core.items() if key != "pneumatics"}
 
-    return Variants(describe, [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates])
+    start, reach = [c.value(0.0) for c in coordinates], [abs(c.slope(0.0)) for c in coordinates]
+    if slipping:
+        own = one_a_bellows((effect.to_core() for effect in parameters.effects), parameters)
+        count = sum(map(free_start, own))
+        start, reach = start + [0.0] * count, reach + [STRAIN] * count
+    return Variants(describe, start, reach)

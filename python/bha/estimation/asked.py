@@ -7,7 +7,9 @@ the new start leave clearly less (:mod:`bha.estimation.begin`):
 - second and third powers of springs of which the file states one number;
 - gains of single inputs (areas of their chambers, sensors, regulators: they act alike) and azimuths of single chambers;
 - preloads of the sections, log by log, told by where each log begins (:mod:`bha.estimation.preload`), and with them
-  areas that change with the length of a chamber, as those of fabric do.
+  areas that change with the length of a chamber, as those of fabric do;
+- in an arm with these, elements that slip (effect ``hysteresis``): what held the arm where a log began gives way once
+  the arm moves on (:mod:`bha.recordings.strained`).
 
 Offsets of single inputs and rest lengths of single chambers hold the arm bent, as a turned camera shows it: with heads
 alone they are not told from it and are not tried.
@@ -19,18 +21,35 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from bha.estimation.free import FreeParameter
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.preload import with_preloads
+from bha.estimation.records import Record
 from bha.estimation.scale import curved
 from bha.estimation.statics import TURN
-from bha.parameters import ArmParameters, paths
+from bha.parameters import ArmParameters, SectionParameters, paths
 from bha.recordings.beginning import KIND as PRELOAD
+from bha.recordings.strained import KIND as MEMORY
+
+Array = NDArray[np.float64]
 
 #: Standard deviations of what chambers differ by: gain, and azimuth in rad.
 GAIN, AZIMUTH = 0.1, math.radians(5.0)
 AREA = "effective_area"
 #: Powers of a spring that is curved.
 POWERS = 3
+#: Pressures are alike within this part of their travel; poses under them are others from this part of the arm's travel
+#: and so many noises on (standard deviation in one channel): more than pressures so near to each other make.
+ALIKE, ELSEWHERE, NOISES = 0.04, 0.05, 10.0
+#: Yields of what slips, in the range of lengths; how much of the springs' force over them that is at first, factors on
+#: it that are tried, and the standard deviation of its logarithm.
+YIELDS, SLIPS, SLIP_FACTORS, SLIP_DEVIATION = (0.03, 0.1), 0.5, (0.25, 1.0, 3.0), 1.5
+#: Standard deviation of the rest length of an arm that stands elsewhere after each use, in itself.
+SETTLED = 0.3
+#: Least amplitude that is begun with, N.
+LEAST_AMPLITUDE = 1e-3
 #: Standard deviation of what an area changes by in itself for each metre of length: a seventh for a centimetre.
 BY_LENGTH = 15.0
 
@@ -98,6 +117,82 @@ def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter
     )
     changed = with_preloads(parameters.updated({**mapping, "effect": effects}))
     return Asked(changed, (*left, *more), said, True, begins=True)
+
+
+def stands_elsewhere(records: Sequence[Record]) -> bool:
+    """Whether an arm stands elsewhere under the same pressures where logs begin: it remembers what was before them.
+
+    Of the logs that begin at rest under pressures like those of the first one the poses are compared, in what the arm
+    travels in all logs; in each session apart, for an arm may have been put up anew.
+    """
+    travel, moves = 0.0, 0.0
+    for rec in records:
+        travel = max(travel, float(np.max(np.ptp(rec.drive.pressures, axis=0))))
+        seen = np.where(rec.usable, rec.measured, np.nan)[:, rec.usable.any(axis=0)]
+        moves = max(moves, float(np.max(np.nanmax(seen, axis=0) - np.nanmin(seen, axis=0), initial=0.0)))
+    for session in {rec.session for rec in records}:
+        stood = [
+            (rec.resting, rec.noise)
+            for rec in records
+            if rec.session == session and not rec.changes and rec.resting is not None
+        ]
+        alike = [
+            (own.values, noise)
+            for own, noise in stood
+            if np.all(np.abs(own.pressures - stood[0][0].pressures) <= ALIKE * travel)
+        ]
+        if len(alike) < 2 or len({len(values) for values, _ in alike}) > 1:
+            continue
+        poses, noise = np.array([values for values, _ in alike]), np.max([own for _, own in alike], axis=0)
+        apart = np.std(poses, axis=0, ddof=1)
+        if np.any(apart > np.maximum(ELSEWHERE * moves, NOISES * noise)):
+            return True
+    return False
+
+
+def memory_that_slips(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
+    """Elements that slip in every bellows, strained where logs begin; None without preloads, or with some already.
+
+    Rest lengths are free again: preloads alone hold the arm at its first pose whatever these are, strains do not.
+    """
+    if not any(e.kind == PRELOAD for e in parameters.effects) or any(e.kind == MEMORY for e in parameters.effects):
+        return None
+    mapping, known = parameters.to_mapping(), {f if isinstance(f, str) else f.path for f in free}
+    effects, more = list(mapping.get("effect", [])), []
+    for number, section in enumerate(parameters.sections, start=1):
+        for reach in YIELDS:
+            yields = reach * (section.length_range[1] - section.length_range[0])
+            most = max(SLIPS * abs(section.stiffness[0]) * yields, LEAST_AMPLITUDE)
+            where = {"kind": MEMORY, "where": f"section {number}"}
+            effects.append({**where, "amplitude": most, "yield": yields, "sharpness": 1.0})
+            path = f"effect.{len(effects)}.amplitude"
+            more.append(FreeParameter(path, lower=1e-3 * most, prior=(most, SLIP_DEVIATION * most)))
+        rest = f"section.{number}.rest_length"
+        if rest not in known and not _is_published(section, "rest_length"):
+            more.append(FreeParameter(rest, prior=(section.rest_length, SETTLED * section.rest_length)))
+    said = (
+        "what held the arm where logs begin gives way once it moves on: elements that slip in every bellows, strained "
+        "as each log's first pose tells, were added (effect hysteresis)"
+    )
+    return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, False, begins=True)
+
+
+def _is_published(section: SectionParameters, key: str) -> bool:
+    entry = section.provenance.get(key)
+    return entry is not None and entry.status == "published"
+
+
+def slip_factors(coordinates: Sequence[Coordinate], z: Array) -> list[Array]:
+    """Points like ``z`` with what slips holding more and less; none where nothing free does."""
+    places = [k for k, c in enumerate(coordinates) if c.path.startswith("effect.") and c.path.endswith(".amplitude")]
+    found = []
+    for factor in SLIP_FACTORS if places else ():
+        point = z.copy()
+        for k in places:
+            c = coordinates[k]
+            point[k] = np.clip(c.coordinate(max(factor * c.value(float(z[k])), c.lower)), *c.bounds)
+        found.append(point)
+    return found
 
 
 def _plainly(free: FreeParameter | str) -> FreeParameter | str:

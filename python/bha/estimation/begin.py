@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 
 from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
-from bha.estimation.asked import Asked, curved_springs, material_that_creeps, unlike_chambers
+from bha.estimation.asked import (
+    Asked,
+    curved_springs,
+    material_that_creeps,
+    memory_that_slips,
+    slip_factors,
+    stands_elsewhere,
+    unlike_chambers,
+)
 from bha.estimation.backbone import with_axial_stiffness, without_bending_stiffness
 from bha.estimation.dynamics import LITTLE, Trial, seen_times, trials, valleys
 from bha.estimation.engine import Model
@@ -123,6 +131,11 @@ def begin(
         return Begin(arm, _started(coordinates, file), None, own, (), True)
     tell("held poses", 0.1)
     found = _searched(arm, free, model, whole=whole, splits=splits)
+    if splits and found.statics is not None and stands_elsewhere(records):
+        tell("what holds the arm where logs begin", 0.5)
+        held, said = _with_memory(found, model, whole=whole)
+        if said:
+            return _begun(held, held.tried[0], said)
     channels = sum(len(rec.channels) for rec in records)
     lacks = found.tried[0].merit > (_AT_NOISE + _GAIN) * channels
     if splits and lacks and (sections := _without_bending_stiffness(arm, found)):
@@ -132,13 +145,11 @@ def begin(
         held = _searched(Arm(parameters), others, other, whole=whole, splits=splits)
         if held.tried[0].merit < found.tried[0].merit - _GAIN * channels:
             found = held
-    said: list[str] = []
+    said = []
     if splits and found.statics is not None and found.tried[0].merit > (_AT_NOISE + _GAIN) * channels:
         tell("what else the logs ask for", 0.8)
         found, said = _with_what_is_asked(found, model, whole=whole)
-    best = found.tried[0] if np.isfinite(found.tried[0].merit) else own
-    started = _started(found.coordinates, best.z)
-    return Begin(found.arm, started, found.statics, best, found.tried[1:], not np.any(best.z), tuple(said))
+    return _begun(found, found.tried[0] if np.isfinite(found.tried[0].merit) else own, said)
 
 
 @dataclass(frozen=True)
@@ -150,6 +161,12 @@ class _Found:
     coordinates: tuple[Coordinate, ...]
     statics: Statics | None
     tried: tuple[Trial, ...]
+
+
+def _begun(found: _Found, best: Trial, said: Sequence[str]) -> Begin:
+    """The start at a point of what a search came to."""
+    started = _started(found.coordinates, best.z)
+    return Begin(found.arm, started, found.statics, best, found.tried[1:], not np.any(best.z), tuple(said))
 
 
 def _without_bending_stiffness(arm: Arm, found: _Found) -> tuple[int, ...]:
@@ -186,7 +203,7 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
     # A second look with nothing more is what more freedom is held against.
     again = _asked(found, Asked(found.arm.parameters, found.free, "", True), model, whole=whole)
     found = again if again is not None and again.tried[0].merit < found.tried[0].merit else found
-    for ask in (curved_springs, material_that_creeps, unlike_chambers):
+    for ask in (curved_springs, material_that_creeps, memory_that_slips, unlike_chambers):
         if not _fits(ask, held=preloads_of(found.arm.parameters) is not None):
             continue
         asked = ask(found.arm.parameters, found.free)
@@ -214,6 +231,26 @@ def _left_out(found: _Found, records: Sequence[Record]) -> float:
     assert found.statics is not None
     z = _with_values(found.coordinates, found.tried[0].z, found.statics)
     return left_out(found.arm.parameters, found.coordinates, records, z, found.statics.lags)
+
+
+def _with_memory(found: _Found, model: Model, *, whole: bool) -> tuple[_Found, list[str]]:
+    """The same for an arm that stands elsewhere after each use, and what that is; as it is where nothing comes of it.
+
+    It is not asked what is gained: no law from pressures to poses has what such logs show, and one that has learnt
+    them is wrong of all others. Whether what held the arm gives way as it moves on is told by whole logs.
+    """
+    said: list[str] = []
+    for ask in (material_that_creeps, memory_that_slips):
+        asked = ask(found.arm.parameters, found.free)
+        more = None if asked is None else _step_by_step(found, asked, model, whole=whole)
+        if asked is None or more is None or not np.isfinite(more.tried[0].merit):
+            continue
+        more = _conjugate(more, model)
+        if said and _over_whole_logs(more, model)[0].merit > _over_whole_logs(found, model)[0].merit:
+            continue
+        found = more
+        said.append(asked.said)
+    return found, said
 
 
 def _conjugate(found: _Found, model: Model) -> _Found:
@@ -271,7 +308,7 @@ def _asked(found: _Found, asked: Asked, model: Model, *, whole: bool) -> _Found 
     z = _with_values(coordinates, z, statics)
     # Where the scale of stiffnesses has moved, that of dampings has to.
     seen = seen_times(coordinates, model, z, partial(_times, statics, mean_pressures(model.records)))
-    points = [z, *seen, *delayed(coordinates, z)]
+    points = [z, *seen, *delayed(coordinates, z), *slip_factors(coordinates, z)]
     tried = sorted(trials(model, points, whole=whole), key=lambda trial: trial.merit)
     return _Found(Arm(asked.parameters), asked.free, coordinates, statics, tuple(tried))
 

@@ -44,12 +44,14 @@ class Residuals:
         whitening: what takes a window's residuals to white numbers: its innovations, or bands of frequency. Those of a
             window that has none are divided by their scale (output error under white noise).
         lasting: how many times more than noise that is another in each row counts what the model leaves, which lasts.
+        pooled: whether what the model leaves counts alike in all channels of a kind and in all records.
     """
 
     scale: tuple[Array, ...]
     huber: float = HUBER
     whitening: Mapping[Window, Whitening] = field(default_factory=dict)
     lasting: float = 1.0
+    pooled: bool = False
 
     def scaled(self, model: Model, window: Window, predicted: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Residuals in scales, shape (rows, C), zero where a measurement does not count, and which count."""

@@ -81,6 +81,9 @@ class Settings:
         seed: of the redrawn noises.
         lasting: by how much what the model leaves, beyond the noise, weighs less than an error that is another one in
             each row: the root of the number of rows for which it lasts. Priors count for more as it grows.
+        pooled: whether what the model leaves weighs alike in all channels of a kind and all logs, by its root mean
+            square, instead of in each by its robust spread. Where a model lacks physics in all it shows, a channel or a
+            log that it happens to meet would else outweigh those that it misses.
     """
 
     windows: tuple[float | None, ...] | None = None
@@ -95,6 +98,7 @@ class Settings:
     draws: int = 24
     seed: int = 0
     lasting: float = 1.0
+    pooled: bool = False
 
 
 @short_repr
@@ -446,7 +450,8 @@ def _stage_problem(
     pieces = windows(model.records, length)
     if budget is not None:
         pieces = some_of(pieces, model.records, budget)
-    residuals = Residuals(tuple(rec.noise for rec in model.records), settings.huber, lasting=settings.lasting)
+    noises = tuple(rec.noise for rec in model.records)
+    residuals = Residuals(noises, settings.huber, lasting=settings.lasting, pooled=settings.pooled)
     guesses = model.guesses(z, pieces)
     deviations = settings.state_deviation or state_deviations(model.records)
     return Problem(model, tuple(pieces), residuals, guesses, prior, deviations)
@@ -461,14 +466,36 @@ def scales(problem: Problem, point: Point) -> Residuals:
         rec = records[window.record]
         rows = slice(window.first, window.last)
         errors[window.record].append(np.where(rec.usable[rows], rec.measured[rows] - predicted, np.nan))
-    found = []
-    for rec, parts in zip(records, errors, strict=True):
-        error = np.vstack(parts) if parts else np.zeros((1, len(rec.channels)))
-        good = np.any(np.isfinite(error), axis=0)
-        left = np.array([np.nanmedian(np.abs(e)) if g else 0.0 for e, g in zip(error.T, good, strict=True)])
-        left /= _MEDIAN_NORMAL
-        found.append(np.where(left > 1.05 * rec.noise, problem.residuals.lasting * left, rec.noise))
+    tables = [
+        np.vstack(parts) if parts else np.zeros((1, len(r.channels))) for r, parts in zip(records, errors, strict=True)
+    ]
+    spreads = _pooled(records, tables) if problem.residuals.pooled else [_spread(table) for table in tables]
+    found = [
+        np.where(left > 1.05 * rec.noise, problem.residuals.lasting * left, rec.noise)
+        for rec, left in zip(records, spreads, strict=True)
+    ]
     return replace(problem.residuals, scale=tuple(found))
+
+
+def _spread(error: Array) -> Array:
+    """Robust spread of each channel, shape (C,); 0 where nothing counts."""
+    good = np.any(np.isfinite(error), axis=0)
+    left = np.array([np.nanmedian(np.abs(e)) if g else 0.0 for e, g in zip(error.T, good, strict=True)])
+    return np.asarray(left / _MEDIAN_NORMAL)
+
+
+def _pooled(records: Sequence[Record], errors: Sequence[Array]) -> list[Array]:
+    """Root mean square of all channels of a kind in all records, for each channel, shape (C,)."""
+    kinds = [[output.kind for output in rec.observation.outputs] for rec in records]
+    pooled: dict[str, float] = {}
+    for kind in {kind for own in kinds for kind in own}:
+        squares = [
+            error[:, [k for k, other in enumerate(own) if other == kind]].ravel() ** 2
+            for own, error in zip(kinds, errors, strict=True)
+        ]
+        every = np.concatenate(squares)
+        pooled[kind] = float(np.sqrt(np.nanmean(every))) if np.isfinite(every).any() else 0.0
+    return [np.array([pooled[kind] for kind in own]) for own in kinds]
 
 
 def fit_with_scales(
@@ -508,11 +535,13 @@ def _alike(problem: Problem, point: Point) -> float:
     """How many numbers of the residual say the same: what a model lacks errs alike for seconds; 1 if it is white.
 
     By this factor a standard error is larger, squared, than independent numbers would have it, and the loss has to
-    fall by more to mean anything (:meth:`Policy.among`).
+    fall by more to mean anything (:meth:`Policy.among`). By as much less where scales count it already
+    (:attr:`Settings.lasting`): a residual that is small in its scales moves the loss by little.
     """
     if point.left is None:
         return 1.0
-    lengths = [correlation_length([left[:, c]]) for left in point.left for c in range(left.shape[1])]
+    columns = [left[:, c] for left in point.left for c in range(left.shape[1])]
+    lengths = [correlation_length([column]) * min(1.0, float(np.mean(column**2))) for column in columns]
     return float(np.median(lengths)) if lengths else 1.0
 
 

@@ -119,10 +119,15 @@ def identify(
 
 
 def _of_an_arm_that_creeps(settings: Settings) -> Settings:
-    """Whole logs, from where they begin: what its model lacks lasts for seconds and must not become initial states."""
+    """Whole logs, from where they begin: what its model lacks lasts for seconds and must not become initial states.
+
+    It is missed in all that is seen: no log and no channel is an outlier or a better one.
+    """
     return replace(
         settings,
         windows=(None,),
+        huber=math.inf,
+        pooled=True,
         interval=max(settings.interval, _CREEPING_INTERVAL),
         lasting=max(settings.lasting, _LASTING),
         state_deviation=settings.state_deviation or _CREEPING_STATES,

@@ -9,7 +9,8 @@ is held by the first pressures,
 
 read on the arc coordinates of each section. They follow from the arm and one pose, so that a fit has no number more,
 and a log that takes no part in it is simulated in the same way. An arm that has a ``preload`` in some sections takes it
-from each log that begins at rest (:class:`Beginning`); else its own numbers count.
+from each log that begins at rest (:class:`Beginning`); else its own numbers count. Of an arm that slips inside they are
+what its slipping elements do not hold (:mod:`bha.recordings.strained`).
 Limits: commands do not say what the chambers held before the log, so under commands the first one must have been held,
 or be one that the log comes back to (:mod:`bha.recordings.first_command`).
 """
@@ -17,8 +18,9 @@ or be one that the log comes back to (:mod:`bha.recordings.first_command`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +32,7 @@ from bha.recordings.first_command import stood_under
 from bha.recordings.outputs import Observation, Output
 from bha.recordings.pose import pose
 from bha.recordings.recording import Recording
+from bha.recordings.strained import one_a_bellows, slips, strains, with_starts
 from bha.runs.input import Input
 
 Array = NDArray[np.float64]
@@ -124,14 +127,40 @@ def first_lengths(arm: Arm, observation: Observation, there: Resting) -> Array:
 
 
 def preloads_there(arm: Arm, observation: Observation, there: Resting) -> dict[str, float]:
-    """Paths and numbers of the preloads that hold an arm at first; ``observation`` has the outputs as it shows them."""
-    places = preloaded(arm.parameters)
-    names = [f"effect.{number}.{name}" for number in places for name in NUMBERS]
-    free = arm.with_values(dict.fromkeys(names, 0.0))
+    """Paths and numbers of the preloads that hold an arm at first; ``observation`` has the outputs as it shows them.
+
+    Of an arm that slips inside they are what its strains leave.
+    """
+    return dict(zip(_names(arm), map(float, _standing(arm, observation, there)[1]), strict=True))
+
+
+def _names(arm: Arm) -> list[str]:
+    """Paths of the numbers of an arm's preloads."""
+    return [f"effect.{number}.{name}" for number in preloaded(arm.parameters) for name in NUMBERS]
+
+
+def _standing(arm: Arm, observation: Observation, there: Resting) -> tuple[Arm, Array]:
+    """The arm at first, what slips as strained as it is, with preloads of nothing; and the numbers that these need."""
+    free = arm.with_values(dict.fromkeys(_names(arm), 0.0))
     lengths = first_lengths(free, observation, there)
     radii = [section.bellows_radius for section in arm.parameters.sections]
-    numbers = holding(free, radii, list(places.values()), lengths, there.pressures)
-    return dict(zip(names, map(float, numbers), strict=True))
+    sections = list(preloaded(arm.parameters).values())
+    tables = [effect.to_core() for effect in free.parameters.effects]
+    if not slips(tables):
+        return free, holding(free, radii, sections, lengths, there.pressures)
+    each = one_a_bellows(tables, arm.parameters)
+
+    def strained(starts: Array) -> Arm:
+        return free.with_effects([_table(effect) for effect in with_starts(each, starts)])
+
+    starts, left = strains(each, sections, lambda w: holding(strained(w), radii, sections, lengths, there.pressures))
+    return strained(starts), left
+
+
+def _table(effect: Mapping[str, Any]) -> dict[str, Any]:
+    """An effect of the core's description as a table of a file has it."""
+    formula = {} if effect["force"] is None else {"force": effect["force"]}
+    return {"kind": effect["kind"], "where": effect["where"], **formula, **effect["parameters"]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +181,8 @@ class Beginning:
         """The arm as it was when the log began: with the preloads, where it has such, that its first pose tells."""
         if self.stands is None or not preloaded(arm.parameters):
             return arm
-        return arm.with_values(preloads_there(arm, Observation.of(arm.parameters, self.outputs), self.stands))
+        standing, numbers = _standing(arm, Observation.of(arm.parameters, self.outputs), self.stands)
+        return standing.with_values(dict(zip(_names(standing), map(float, numbers), strict=True)))
 
 
 def begins(arm: Arm, recording: Recording) -> Beginning:

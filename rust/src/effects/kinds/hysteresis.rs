@@ -6,8 +6,8 @@
 //! Form: f = F w, dw/dq = ((2 - s) / x) min(1, (1 - d w) / (2 (1 - s))), d = sign(q'), -1 <= w <= 1: elastic until
 //! d w = 2 s - 1, and from there exponentially towards d. Sharpness s = 0: w' = (q' - |q'| w) / x, Dahl's; s = 1: a spring of
 //! stiffness F / x that slips at F. Sign: f resists, the bellows' force is -f.
-//! Hidden: w; starts at `start`, 0 where nothing is strained. Update: exact along a motion that does not turn back
-//! (`effects::slip`), second order at turns.
+//! Hidden: w; starts at `start`, 0 where nothing is strained, and is that where an arm rests. Update: exact along a motion
+//! that does not turn back (`effects::slip`), second order at turns.
 //! Validity: passive for F >= 0 (what is stored, F w^2 / (2 k) with k = dw/dq at w = 0, grows by no more than is put in,
 //! since dw/dq falls with d w); the loop's area does not depend on speed.
 
@@ -60,6 +60,10 @@ impl<T: Real> Effect<T> for Hysteresis<T> {
     #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, hidden: &[T]) {
         if now.elapsed.is_none() {
+            // Where nothing moves it is as strained as it starts: there the arm stands when a simulation begins.
+            for j in self.bellows.clone() {
+                now.bellows_force[j] -= self.force * self.start;
+            }
             return;
         }
         for (w, j) in hidden.iter().zip(self.bellows.clone()) {
