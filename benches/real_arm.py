@@ -244,6 +244,7 @@ def main() -> None:
     parser.add_argument(
         "--group", action="append", choices=[*MOTIONS, "january, days"], help="several; all if left out"
     )
+    parser.add_argument("--left-out", action="append", metavar="MOTION", help="of these folds only; several")
     arguments = parser.parse_args()
     every = folds()
     names = {name for fold in every for name in (*fold.fit, *fold.held)}
@@ -257,6 +258,8 @@ def main() -> None:
     found: dict[tuple[str, str], dict[str, dict[str, float]]] = {}
     for fold in every:
         if arguments.group and fold.group not in arguments.group:
+            continue
+        if arguments.left_out and fold.left_out not in arguments.left_out:
             continue
         for model in models:
             errors = run(fold, model, arguments.pressures, logs, arguments.out)
