@@ -2,7 +2,8 @@
 
 What: near the point that output error has found, the sizes of the noises are estimated from what it leaves
 (:mod:`bha.estimation.noise_fit`), residuals become innovations, and the parameters are fitted again, until neither
-moves. Windows are long here: what is slow is seen in long ones only.
+moves. Windows are long here: what is slow is seen in long ones only. What rounding to coarse steps adds on average
+(:mod:`bha.estimation.rounding`) is taken off the readings by where the model has the channels, anew in each round.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from bha.estimation.noise_fit import (
 )
 from bha.estimation.problem import Point, Problem
 from bha.estimation.records import Record
+from bha.estimation.rounding import Rounding, rounding_of
 from bha.estimation.solver import Outcome, Policy, solve
 
 Array = NDArray[np.float64]
@@ -38,6 +40,8 @@ Array = NDArray[np.float64]
 _POSES_A_SECOND, _POSES = 20.0, 128
 #: Rounds of sizes and parameters at the most, and the step, in standard errors, below which they have settled.
 _ROUNDS, _SETTLED = 4, 0.1
+#: The same where what rounding adds has to be found with them.
+_ROUNDS_OF_STEPS = 8
 
 
 @dataclass(frozen=True)
@@ -49,12 +53,14 @@ class Disturbed:
         outcome: where the search ended.
         found: the sizes of the noises.
         likelihood: from which they are.
+        rounding: what was taken off the readings of the problem's records.
     """
 
     problem: Problem
     outcome: Outcome
     found: Found
     likelihood: Likelihood
+    rounding: Rounding
 
     @cached_property
     def axes_of_sizes(self) -> tuple[Array, Array]:
@@ -118,11 +124,23 @@ def fit_with_noise(
         ConvergenceError: a simulation fails at the point.
     """
     problem = replace(problem, model=replace(problem.model, records=tuple(map(_with_least, problem.model.records))))
+    as_read = problem
     found: Found | None = None
     outcome = Outcome(point, False, "not started", 0)
     iterations = 0
-    for _ in range(_ROUNDS):
-        likelihood = likelihood_at(problem, outcome.point)
+    rounding = rounding_of(as_read, point)
+    if rounding.is_coarse:
+        # Nearly nothing is left within a step and a whole one at its edges: no outliers.
+        problem = problem.rescaled(replace(problem.residuals, huber=np.inf))
+    added: list[Array] | None = None
+    for _ in range(_ROUNDS_OF_STEPS if rounding.is_coarse else _ROUNDS):
+        if rounding.is_coarse:
+            now = _added_by(rounding, as_read, outcome.point)
+            # Half of the way each time: near an edge what rounding adds changes faster than the channel does.
+            added = now if added is None else [0.5 * (a + b) for a, b in zip(added, now, strict=True)]
+            records = tuple(map(rounding.taken_off, as_read.model.records, added))
+            problem = replace(problem, model=replace(problem.model, records=records))
+        likelihood = likelihood_at(problem, outcome.point, least=2.0 * rounding.quantum)
         found = find(likelihood, before=found)
         filters = {piece.window: piece.filter(found.sizes) for piece in likelihood.pieces}
         problem = problem.rescaled(replace(problem.residuals, whitening=filters))
@@ -133,11 +151,22 @@ def fit_with_noise(
         moved = (outcome.point.z - before) / np.sqrt(np.diag(found.judged.covariance))
         if np.max(np.abs(moved), initial=0.0) < _SETTLED:
             break
+        if rounding.is_coarse:
+            rounding = rounding_of(as_read, outcome.point)
     assert found is not None
     # What shakes the simulation from here on has the size that was found.
     records = tuple(r.with_pressure_noise(found.sizes.logged * r.pressure_noise) for r in problem.model.records)
     problem = replace(problem, model=replace(problem.model, records=records))
-    return Disturbed(problem, replace(outcome, iterations=iterations), found, likelihood)
+    return Disturbed(problem, replace(outcome, iterations=iterations), found, likelihood, rounding)
+
+
+def _added_by(rounding: Rounding, problem: Problem, point: Point) -> list[Array]:
+    """What rounding adds to the readings of each record on average, (rows, C), by what is shown at a point."""
+    model = problem.model
+    found = [np.zeros_like(rec.measured) for rec in model.records]
+    for window, shown in zip(problem.windows, model.predict(point.z, problem.windows, point.states), strict=True):
+        found[window.record][window.first : window.last] = rounding.error(shown)
+    return found
 
 
 def _with_least(rec: Record) -> Record:
@@ -148,8 +177,8 @@ def _with_least(rec: Record) -> Record:
     return rec.with_pressure_noise(np.where(rec.pressure_noise > 0.0, known.min(), 0.0))
 
 
-def likelihood_at(problem: Problem, point: Point) -> Likelihood:
-    """The likelihood of sizes near a point."""
+def likelihood_at(problem: Problem, point: Point, *, least: Array | float = 0.0) -> Likelihood:
+    """The likelihood of sizes near a point; residuals up to ``least`` are no outliers, shape (C,)."""
     model, pieces = problem.model, []
     mean, deviation = problem.prior
     linear = model.linearize(point.z, problem.windows, point.states)
@@ -157,7 +186,7 @@ def likelihood_at(problem: Problem, point: Point) -> Likelihood:
         rec = model.records[window.record]
         rows = slice(window.first, window.last)
         usable = rec.usable[rows]
-        residual = clipped(np.where(usable, rec.measured[rows] - predicted, 0.0), usable)
+        residual = clipped(np.where(usable, rec.measured[rows] - predicted, 0.0), usable, least)
         arm = model.arm(point.z, rec.condition)
         driven = _driven(arm)
         linears, places = _linears(arm, rec, rows, predicted)

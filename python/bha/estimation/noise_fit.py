@@ -333,10 +333,11 @@ def base_of(rec: Record, residual: Array, usable: NDArray[np.bool_]) -> Array:
     return np.array(found)
 
 
-def clipped(residual: Array, usable: NDArray[np.bool_]) -> Array:
-    """Residuals with outliers cut to a few times the usual size of their channel."""
+def clipped(residual: Array, usable: NDArray[np.bool_], least: Array | float = 0.0) -> Array:
+    """Residuals with outliers cut to a few times the usual size of their channel, and no less than ``least``."""
     sizes = np.nanmedian(np.abs(np.where(usable, residual, np.nan)), axis=0) / 0.6745
     limit = _CLIP * np.where(np.isfinite(sizes) & (sizes > 0.0), sizes, np.inf)
+    limit = np.maximum(limit, least)
     return np.asarray(np.clip(residual, -limit, limit))
 
 
