@@ -94,3 +94,24 @@ def test_stages_are_divided_otherwise_at_the_same_common_time() -> None:
     model = plain_model(arm)
     assert relaxation(model, np.zeros(model.size)) == pytest.approx(0.2, rel=0.35)  # its springs stiffen
     assert divided(model, np.zeros(model.size), 0.5, 0.1) is None
+
+
+def test_filling_and_venting_told_apart_tell_no_lag_from_damping() -> None:
+    """An arm that comes back slower than it bends lags unlike, too: the class, and which way is the slower one."""
+    found = diagnosed(0.6, 0.2)
+    fill, vent = (found.effects[0].parameters[name] for name in ("fill", "vent"))
+    unlike = {
+        "fill": fill.model_copy(update={"value": 0.1, "ci95": (0.08, 0.12)}),
+        "vent": vent.model_copy(update={"value": 0.5, "ci95": (0.45, 0.55)}),
+    }
+    lag = found.effects[0].model_copy(update={"parameters": unlike, "plain": False})
+    named = found.model_copy(update={"verdict": "named", "effects": [lag]})
+    arm = slow_arm(0.5)
+    records = [record(arm, log, pressures="commanded") for log in commanded_logs(arm, 0.3)[:2]]
+    told = lag_or_damping(named, arm, records)
+    assert told.verdict == "one_of"
+    assert "Lag of the pressures or damping" in headline(told)
+    assert "slower when venting" in headline(told)
+    for number in told.effects[0].parameters.values():
+        assert number.ci95 is not None
+        assert number.ci95[0] == 0.0

@@ -10,18 +10,7 @@ import pytest
 
 import bha
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.valves import (
-    Start,
-    begun,
-    coordinates_of,
-    found_valves,
-    staged,
-    starts_of,
-    through,
-    with_valves,
-    without_valves,
-)
-from bha.diagnosis.words import in_words
+from bha.diagnosis.valves import begun, coordinates_of, found_valves, starts_of, through, with_valves, without_valves
 from bha.estimation.records import record
 
 from .synthetic import one_section
@@ -51,7 +40,7 @@ def test_lag_and_dead_time_stand_among_the_arms_effects_unless_its_file_has_them
     assert names == ["effect.1.fill", "effect.1.vent", "effect.2.time"]
     own = arm.with_effects([{"kind": "creep", "where": "all", "stiffness": 50.0, "tau": 1.0}, *VALVES[::-1]])
     assert with_valves(own) is own
-    assert [c.path for c in coordinates_of(own.parameters)] == ["effect.3.fill", "effect.3.vent", "effect.2.time"]
+    assert [c.path for c in coordinates_of(own.parameters)] == ["effect.2.time", "effect.3.fill", "effect.3.vent"]
     lagging = arm.with_parameters(
         arm.parameters.updated({"pneumatics": {"level": "lag", "fill_time": 0.1, "vent_time": 0.2}})
     )
@@ -62,27 +51,6 @@ def test_lag_and_dead_time_stand_among_the_arms_effects_unless_its_file_has_them
     published = {"status": "published", "source": "data sheet"}
     known = arm.with_effects([{**VALVES[0], "provenance": {"fill": published, "vent": published}}, VALVES[1]])
     assert [c.path for c in coordinates_of(known.parameters)] == ["effect.2.time"]
-
-
-def test_a_further_stage_shares_the_times_of_the_first() -> None:
-    further = staged(with_valves(one_section()))
-    assert further is not None
-    fill, vent, late = coordinates_of(further.parameters)
-    assert fill.members == ("effect.1.fill", "effect.3.fill")
-    assert vent.members == ("effect.1.vent", "effect.3.vent")
-    assert late.members == ("effect.2.time",)
-    assert staged(further) is None
-    times = {fill.path: 0.3, vent.path: 0.7, late.path: 0.01}
-    lags = [e.parameters for e in begun(further, Start(times, 1.0)).parameters.effects if e.kind == "pressure_lag"]
-    assert lags == [{"fill": 0.3, "vent": 0.7}] * 2
-    model = plain_model(further, more=coordinates_of(further.parameters))
-    x = np.zeros(model.size)
-    found = found_valves(model, x, [(0.9 * v, 1.1 * v) for v in model.values(x).values()])[0]
-    assert found.elements == [found.parameters] * 2
-    assert in_words(found).endswith("in each of 2 stages")
-    # Stages of other numbers are known apart, and stay.
-    other = with_valves(one_section()).with_effects([VALVES[0], {**VALVES[0], "vent": 2.0}, VALVES[1]])
-    assert next(c.members for c in coordinates_of(other.parameters)) == ("effect.1.fill",)
 
 
 def test_a_stretch_is_driven_by_what_the_effects_make_of_all_commands() -> None:

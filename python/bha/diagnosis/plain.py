@@ -4,8 +4,7 @@ What: the plain fit (:mod:`bha.diagnosis.baseline`) is a local one. A data sheet
 tape measure are off by factors, and then the fit diverges or ends in another valley. Where it leaves much of the
 motion, or nothing comes of it, it is made again from where an identification would begin
 (:mod:`bha.estimation.begin`), and the better of the two counts. Under commands a lag and a dead time of all inputs are
-among its numbers (:mod:`bha.diagnosis.valves`). A damped arm of which much is left then may have a lag of two stages
-(regulator and hose, or a chamber and what follows it as late): with as many numbers, it counts where it leaves less.
+among its numbers (:mod:`bha.diagnosis.valves`).
 """
 
 from __future__ import annotations
@@ -22,13 +21,12 @@ from bha.arm import Arm
 from bha.diagnosis.baseline import Baseline, fit_baseline, prepare_runs
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.decide import faults_in_words
-from bha.diagnosis.model import is_damping, plain_model
-from bha.diagnosis.valves import Start, at, begun, coordinates_of, staged, starts_of, with_valves
+from bha.diagnosis.model import plain_model
+from bha.diagnosis.valves import Start, at, begun, coordinates_of, starts_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
 from bha.estimation.begin import begin
-from bha.estimation.engine import Model
 from bha.estimation.free import apply, resolve
-from bha.estimation.lags import is_dead_time, is_of_commands, with_lag
+from bha.estimation.lags import is_of_commands, with_lag
 from bha.estimation.records import Record
 from bha.estimation.refinement import remembers
 from bha.estimation.runs import Integration
@@ -44,10 +42,6 @@ Tell = Callable[[str, float | None], None]
 #: Part of the motion (RMS over all outputs) that a plain fit may leave and still counts as found. Physics that is
 #: missing leaves 0.01 to 0.15 of it in the blind worlds; a fit in the wrong valley 0.3 and more.
 FOUND = 0.2
-#: Part of the motion from which on it is asked whether the lag of commands has two stages.
-STAGED = 0.1
-#: Factor on dampings at which a lag of two stages is tried, too: a stage may have passed for damping.
-QUICK = 0.2
 
 
 @dataclass(frozen=True)
@@ -120,9 +114,9 @@ def fit_plain(
         InputError: it diverges, and logs and file do not belong together.
     """
 
-    def fitted(start: Arm, label: str, near: Plain | None = None) -> Plain:
+    def fitted(start: Arm, label: str) -> Plain:
         starts: list[Start] = []
-        if commanded and near is None:
+        if commanded:
             tell("looking for lag and dead time of the commands", None)
             start = with_valves(start)
             if starts := starts_of(start, train, threads):
@@ -134,25 +128,15 @@ def fit_plain(
         prepared = prepare_runs(model, train)
         model = replace(model.on(prepared.records), integration=prepared.integration(threads))
         tell("re-identifying the plain model", None)
-        begins = [at(model, own) for own in starts] if near is None else _in_stages(near.baseline, model)
-        baseline = fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins)
-        return Plain(start, baseline, bool(label) if near is None else near.moved)
-
-    def told(plain: Plain) -> Plain:
-        """The same, or with a lag of two stages where that leaves less."""
-        further = staged(plain.arm) if commanded and plain.left > STAGED else None
-        if further is None or plain.baseline.prepared.method != "ros2":
-            return plain
-        with suppress(ConvergenceError):
-            plain = min(plain, fitted(further, "staged", plain), key=lambda fit: fit.left)
-        return plain
+        begins = [at(model, own) for own in starts]
+        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins), bool(label))
 
     first: Plain | None = None
     why: ConvergenceError | None = None
     try:
         first = fitted(arm, "")
         if first.left < FOUND or faults or doubts:
-            return replace(told(first), faults=tuple(faults if first.left < FOUND else (*faults, *doubts)))
+            return replace(first, faults=tuple(faults if first.left < FOUND else (*faults, *doubts)))
     except ConvergenceError as error:
         if wrong := [*faults, *doubts]:
             raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
@@ -165,29 +149,7 @@ def fit_plain(
     fits = [fit for fit in (first, second) if fit is not None]
     if why is not None and not fits:
         raise why
-    return told(min(fits, key=lambda fit: fit.left))
-
-
-def _in_stages(plain: Baseline, model: Model) -> list[Array]:
-    """Where a model with a lag of two stages may begin, near a plain fit with one.
-
-    Each stage has half of what lag and dead time came to; the dampings are kept, or those of an arm that is quick
-    beside its lag.
-    """
-    values = {c.path: c.value(float(x)) for c, x in zip(plain.fit.model.plain, plain.fit.x, strict=True)}
-    late = sum(value for path, value in values.items() if is_dead_time(path))
-    starts = []
-    for factor in (1.0, QUICK):
-        x = np.array([c.coordinate(values[c.path]) for c in model.plain])
-        for k, own in enumerate(model.plain):
-            if len(own.members) > 1:
-                x[k] = own.coordinate(0.5 * (values[own.path] + late))
-            elif is_dead_time(own.path):
-                x[k] = own.coordinate(0.0)
-            elif is_damping(own):
-                x[k] = own.coordinate(factor * values[own.path])
-        starts.append(x)
-    return starts
+    return min(fits, key=lambda fit: fit.left)
 
 
 def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bool) -> Arm | None:

@@ -129,8 +129,7 @@ class Effect(Table):
         parameters: its numbers; of several elements together, see ``elements``.
         elements: where several branches or stages of the kind were found in its place (creep, hysteresis, lag), the
             numbers of each; ``parameters`` then has the sums of those that add up (stiffnesses, amplitudes, time
-            constants in series), and of the others the mean of logarithms by these; of the stages of the plain model's
-            lag, which are alike, those of each. Empty for a single one.
+            constants in series), and of the others the mean of logarithms by these. Empty for a single one.
         confidence: share of block-bootstrap repeats that choose it, or what these data cannot tell from it, among its
             rivals: the confidence of the class.
         alone: the same of the effect alone.

@@ -3,8 +3,8 @@
 What: chambers that follow their commands with a lag, and sections whose damping outweighs their mass, are two stages of
 first order in a row. Near a pose the arm answers to commands alike if the two change places (their transfer functions
 commute): what commands tell is the time that both have together, and the lag alone only where it is much the longer one
-(:mod:`bha.estimation.lags`, whose rule counts here too), or where it fills and vents differently, which no damping
-does. Hence
+(:mod:`bha.estimation.lags`, whose rule counts here too). That they fill and vent unlike tells no more: a real arm comes
+back slower than it bends, behind its own measured pressures (docs/decisions/0017). Hence
 
 - a fit with a lag is begun anew with the two exchanged, and with their time divided otherwise: it ends in whichever
   valley it began;
@@ -49,8 +49,6 @@ SLOW = (LAG, "delay", "bending_damping")
 SHARES = (0.4, 0.75)
 #: Damping over the file's from which a lag may have been taken for it.
 FAR = 3.0
-#: Ratio of the times of filling and venting from which they are not one time.
-UNLIKE = 1.2
 #: What splits the class.
 EXPERIMENT = (
     "log the pressures in the chambers beside the commands, or let the arm go by hand under constant pressures: it "
@@ -161,8 +159,6 @@ def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Dia
     slow = [e for e in found.effects if e.kind in SLOW and not e.where.startswith(("input ", "bellows ", "sensors"))]
     if not found.has_names and found.verdict != "equivalent" and not slow:
         return found
-    if any(_knows_ways(e) for e in slow):
-        return found
     lag, error = _lag(slow)
     # A dead time of the plain model is told beside the lag that it has, and that lag beside a further stage.
     more = any(not e.plain for e in slow)
@@ -182,17 +178,6 @@ def lag_or_damping(found: Diagnosis, arm: Arm, records: Sequence[Record]) -> Dia
         f"commands alone do not tell which. What would: {EXPERIMENT}"
     )
     return found.model_copy(update={"setup": [*found.setup, text]})
-
-
-def _knows_ways(effect: Effect) -> bool:
-    """Whether a lag is told by filling and venting differently: no damping knows the one from the other."""
-    if effect.kind != LAG:
-        return False
-    fill, vent = (effect.parameters[name] for name in ("fill", "vent"))
-    if fill.ci95 is None or vent.ci95 is None:
-        return False
-    apart = fill.ci95[1] < vent.ci95[0] or vent.ci95[1] < fill.ci95[0]
-    return apart and max(fill.value, vent.value) > UNLIKE * min(fill.value, vent.value)
 
 
 def _lag(effects: Sequence[Effect]) -> tuple[float, float]:

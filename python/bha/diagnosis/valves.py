@@ -2,8 +2,7 @@
 
 What: every arm whose logs hold commands alone has both, so that they are no finding of a search: they are free beside
 masses and stiffnesses from the start (:mod:`bha.estimation.lags` has their ranges). They stand as effects
-``pressure_lag`` and ``delay`` at ``all`` among the arm's own. Two lags alike stand for two stages: a chamber behind its
-regulator, and what follows it as late (:func:`staged`). Where they begin a search by simulations says: the loss
+``pressure_lag`` and ``delay`` at ``all`` among the arm's own. Where they begin a search by simulations says: the loss
 has a valley for each way of dividing an arm's slowness into lag, dead time and damping, and a local fit ends in the one
 it began in.
 Limits: one lag and one dead time for all inputs. Gains and offsets of all inputs together act as areas and rest lengths
@@ -27,7 +26,7 @@ from bha.diagnosis.result import Effect, Number
 from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
 from bha.estimation.dynamics import trials
 from bha.estimation.engine import Model
-from bha.estimation.free import resolve, with_values
+from bha.estimation.free import resolve
 from bha.estimation.lags import GREATEST, LATEST, LEAST, PATHS, START
 from bha.estimation.runs import Integration
 from bha.estimation.terms import number_of
@@ -48,7 +47,6 @@ NUMBERS = {
     (LAG, "vent"): "lag of commands, venting",
     (DELAY, "time"): "dead time of commands",
 }
-_LAGS = (NUMBERS[LAG, "fill"], NUMBERS[LAG, "vent"])
 #: How far they plausibly are from where they begin: a lag's logarithm, and a dead time, s.
 LAG_SPREAD, DELAY_SPREAD = 2.0, 0.1
 #: Lags and dead times from which the fit may begin, s, and factors on the file's damping at which they are tried.
@@ -71,23 +69,10 @@ def with_valves(arm: Arm) -> Arm:
     return arm.with_effects([*arm.parameters.effects, *added]) if added else arm
 
 
-def staged(arm: Arm) -> Arm | None:
-    """The arm with one more stage of its lag, like the first; None where it has no lag that is free, or more stages."""
-    lags = [own for own in coordinates_of(arm.parameters) if own.name in _LAGS]
-    if len(lags) != 2 or any(len(own.members) > 1 for own in lags):
-        return None
-    stage = {"kind": LAG, "where": "all", "fill": lags[0].start, "vent": lags[1].start}
-    return arm.with_effects([*arm.parameters.effects, stage])
-
-
 def coordinates_of(parameters: ArmParameters) -> tuple[Coordinate, ...]:
-    """The free numbers of what lies between command and chamber; what the file calls published is known and stays.
-
-    Lags of the same numbers are stages of one and have them in common.
-    """
+    """The free numbers of what lies between command and chamber; what the file calls published is known and stays."""
     found = []
-    for members, kind, number in _paths(parameters):
-        path = members[0]
+    for path, kind, number in _paths(parameters):
         value = float(paths.get_value(parameters, path))
         logarithmic = kind == LAG
         low, high = (LEAST, GREATEST) if logarithmic else (0.0, LATEST)
@@ -101,14 +86,14 @@ def coordinates_of(parameters: ArmParameters) -> tuple[Coordinate, ...]:
             low=low,
             high=high,
         )
-        found.append(replace(own, members=members))
+        found.append(replace(own, members=(path,)))
     return tuple(found)
 
 
 def lags_of(model: Model) -> tuple[int, int]:
     """Where the times of filling and venting stand among the plain coordinates of a model that has both."""
     names = [own.name for own in model.plain]
-    return names.index(_LAGS[0]), names.index(_LAGS[1])
+    return names.index(NUMBERS[LAG, "fill"]), names.index(NUMBERS[LAG, "vent"])
 
 
 def is_of_valves(own: Coordinate) -> bool:
@@ -148,8 +133,7 @@ def starts_of(arm: Arm, records: Sequence[Record], threads: int | None) -> list[
 
 def begun(arm: Arm, start: Start) -> Arm:
     """The arm with these times of its valves."""
-    valves = coordinates_of(arm.parameters)
-    return arm.with_parameters(with_values(arm.parameters, valves, [start.times[c.path] for c in valves]))
+    return arm.with_parameters(paths.with_values(arm.parameters, start.times))
 
 
 def at(model: Model, start: Start) -> Array:
@@ -201,11 +185,9 @@ def found_valves(model: Model, x: Array, uncertainty: Sequence[tuple[float, floa
             numbers[kind][number] = Number(
                 value=value, unit="s", ci95=uncertainty[k], at_bound=own.at_bound(float(x[k]))
             )
-    stages = max((len(own.members) for own in model.plain if own.name in _LAGS), default=1)
     there = {kind: any(_is_there(n) for n in own.values()) for kind, own in numbers.items()}
-    elements = {LAG: [numbers[LAG]] * stages if stages > 1 else [], DELAY: []}
     return [
-        Effect(kind=kind, where="all", parameters=own, elements=elements[kind], confidence=1.0, plain=True)
+        Effect(kind=kind, where="all", parameters=own, confidence=1.0, plain=True)
         for kind, own in numbers.items()
         if there[kind]
     ]
@@ -221,30 +203,26 @@ def _stands_for_valves(effect: EffectParameters) -> bool:
     return effect.where == "all" and effect.kind in (LAG, DELAY)
 
 
-def _paths(parameters: ArmParameters) -> list[tuple[tuple[str, ...], str, str]]:
-    """Paths, kind and number of each time that is free."""
-    lags: list[tuple[tuple[str, str], tuple[float, float], set[str]]] = []
-    table = parameters.pneumatics
-    if table is not None and table.level == "lag":
-        known = {name.removesuffix("_time") for name in _published(table.provenance)}
-        lags.append((PATHS, (float(table.fill_time or 0.0), float(table.vent_time or 0.0)), known))
-    late: list[tuple[tuple[str, ...], str, str]] = []
+def _paths(parameters: ArmParameters) -> list[tuple[str, str, str]]:
+    """Path, kind and number of each time that is free."""
+    found = []
+    if parameters.pneumatics is not None and parameters.pneumatics.level == "lag":
+        known = _published(parameters.pneumatics.provenance)
+        found += [
+            (p, LAG, n) for p, n in zip(PATHS, ("fill", "vent"), strict=True) if p.rpartition(".")[2] not in known
+        ]
+    seen = {LAG} if found else set()
     for k, effect in enumerate(parameters.effects, start=1):
-        if not _stands_for_valves(effect):
+        if not _stands_for_valves(effect) or effect.kind in seen:
             continue
+        seen.add(effect.kind)
         known = _published(effect.provenance)
-        if effect.kind == LAG:
-            own = (effect.parameters["fill"], effect.parameters["vent"])
-            lags.append(((f"effect.{k}.fill", f"effect.{k}.vent"), own, known))
-        elif not late and "time" not in known:
-            late.append(((f"effect.{k}.time",), DELAY, "time"))
-    stages = [lag for lag in lags if lag[1:] == lags[0][1:]]
-    free = [
-        (tuple(members[k] for members, _, _ in stages), LAG, number)
-        for k, number in enumerate(("fill", "vent"))
-        if lags and number not in lags[0][2]
-    ]
-    return [*free, *late]
+        found += [
+            (f"effect.{k}.{number}", kind, number)
+            for kind, number in NUMBERS
+            if kind == effect.kind and number not in known
+        ]
+    return found
 
 
 def _published(provenance: ProvenanceTable) -> set[str]:

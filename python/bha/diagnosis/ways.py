@@ -5,8 +5,9 @@ much one way as the other is one: no damping, no dead time and no lag that is al
 arm's file knows it only if somebody measured pressures. It is named where the two times are told apart by more than
 ``UNLIKE`` and a model whose commands lag alike both ways, fitted anew, predicts the left-out logs worse by a share that
 is worth it.
-Limits: the lag of all inputs together. A chamber behind a hose, or an arm that comes back slower than it bends, lags
-unlike, too, and commands do not tell whose the time is.
+Limits: the lag of all inputs together. An arm that comes back slower than it bends lags unlike, too, and of an arm that
+does not swing commands do not tell whose the time is: there it is the class "lag of the pressures or damping"
+(:mod:`bha.diagnosis.slowness`).
 """
 
 from __future__ import annotations

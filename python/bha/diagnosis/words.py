@@ -30,6 +30,8 @@ VERDICTS = {
 _NO_ANGLE, _NO_LENGTH = 1e-4, 1e-5
 #: Times of filling and venting that differ by less than this part are said as one.
 _ALIKE = 0.05
+#: Ratio of the two from which one way is the slower one.
+_UNLIKE = 1.2
 
 
 @dataclass(frozen=True)
@@ -374,7 +376,6 @@ def commands_in_words(found: Diagnosis) -> list[str]:
             if alike
             else f"a lag of {number(fill, 's')} when filling and {number(vent, 's')} when venting"
         )
-        parts[-1] += _stages(lag)
     if late := own.get("delay"):
         parts.append(f"a dead time of {number(late.parameters['time'].value, 's')}")
     return [f"commands reach the bellows through {' and '.join(parts)}"] if parts else []
@@ -384,26 +385,27 @@ def in_words(effect: Effect | Alternative) -> str:
     """:func:`effect_in_words` of an effect; by its name alone where its numbers are not known."""
     if not effect.parameters and any(p.default is None for p in EFFECT_KINDS[effect.kind].parameters):
         return f"{effect.kind} at {effect.where}"
-    text = effect_in_words(effect.kind, effect.where, {name: n.value for name, n in effect.parameters.items()})
-    return f"{text}{_stages(effect)}"
-
-
-def _stages(effect: Effect | Alternative) -> str:
-    """Of a lag of several stages that are alike, how many they are."""
-    own = getattr(effect, "elements", [])
-    alike = effect.kind == "pressure_lag" and own and all(element == effect.parameters for element in own)
-    return f", in each of {len(own)} stages" if alike else ""
+    return effect_in_words(effect.kind, effect.where, {name: n.value for name, n in effect.parameters.items()})
 
 
 def class_in_words(effect: Effect, most: int = 2) -> str:
     """An effect with what it cannot be told from, the likeliest ones: "either ... or ..."."""
     if effect.slow:
-        return slow_in_words(effect.slow)
+        return f"{slow_in_words(effect.slow)}{_slower_way(effect)}"
     if not effect.one_of:
         return in_words(effect)
     shown = [in_words(effect), *map(in_words, effect.one_of[:most])]
     more = len(effect.one_of) - most
     return f"either {', or '.join(shown)}" + (f", or {more} more" if more > 0 else "")
+
+
+def _slower_way(effect: Effect) -> str:
+    """Which way a lag is the slower one; empty where it is much the same both ways, or no lag was found."""
+    if effect.kind != "pressure_lag":
+        return ""
+    fill, vent = (effect.parameters[name].value for name in ("fill", "vent"))
+    way = "venting" if vent > fill else "filling"
+    return f", slower when {way}" if max(fill, vent) > _UNLIKE * min(fill, vent) else ""
 
 
 def slow_in_words(slow: Sequence[SlowSection]) -> str:

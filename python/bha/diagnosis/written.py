@@ -186,10 +186,9 @@ def _valves_tables(arm: Arm, outcome: Investigation, references: list[dict[str, 
     values = [c.value(float(outcome.x[k])) for k, c in own]
     mapping = with_values(arm.parameters, [c for _, c in own], values).to_mapping()
     for k, c in own:
-        for path in c.members:
-            first, *rest = path.split(".")
-            table = mapping["effect"][int(rest[0]) - 1] if first == "effect" else mapping["pneumatics"]
-            table["provenance"] = {**table.get("provenance", {}), rest[-1]: _entry(outcome.uncertainty[k], references)}
+        first, *rest = c.path.split(".")
+        table = mapping["effect"][int(rest[0]) - 1] if first == "effect" else mapping["pneumatics"]
+        table["provenance"] = {**table.get("provenance", {}), rest[-1]: _entry(outcome.uncertainty[k], references)}
     return {key: mapping[key] for key in ("pneumatics", "effect") if key in mapping}
 
 
