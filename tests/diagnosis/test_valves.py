@@ -10,7 +10,16 @@ import pytest
 
 import bha
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.valves import begun, coordinates_of, found_valves, starts_of, through, with_valves, without_valves
+from bha.diagnosis.valves import (
+    begun,
+    coordinates_of,
+    found_valves,
+    lags_of,
+    starts_of,
+    through,
+    with_valves,
+    without_valves,
+)
 from bha.estimation.records import record
 
 from .synthetic import one_section
@@ -38,6 +47,8 @@ def test_lag_and_dead_time_stand_among_the_arms_effects_unless_its_file_has_them
     ]
     names = [c.path for c in coordinates_of(with_valves(arm).parameters)]
     assert names == ["effect.1.fill", "effect.1.vent", "effect.2.time"]
+    model = plain_model(with_valves(arm), more=coordinates_of(with_valves(arm).parameters))
+    assert [model.plain[k].path for k in lags_of(model)] == names[:2]
     own = arm.with_effects([{"kind": "creep", "where": "all", "stiffness": 50.0, "tau": 1.0}, *VALVES[::-1]])
     assert with_valves(own) is own
     assert [c.path for c in coordinates_of(own.parameters)] == ["effect.2.time", "effect.3.fill", "effect.3.vent"]

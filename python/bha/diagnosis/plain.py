@@ -4,7 +4,8 @@ What: the plain fit (:mod:`bha.diagnosis.baseline`) is a local one. A data sheet
 tape measure are off by factors, and then the fit diverges or ends in another valley. Where it leaves much of the
 motion, or nothing comes of it, it is made again from where an identification would begin
 (:mod:`bha.estimation.begin`), and the better of the two counts. Under commands a lag and a dead time of all inputs are
-among its numbers (:mod:`bha.diagnosis.valves`).
+among its numbers (:mod:`bha.diagnosis.valves`): one stage, since several that are alike gained nothing on a real arm
+(docs/decisions/0017).
 """
 
 from __future__ import annotations

@@ -187,6 +187,7 @@ def _valves_tables(arm: Arm, outcome: Investigation, references: list[dict[str, 
     mapping = with_values(arm.parameters, [c for _, c in own], values).to_mapping()
     for k, c in own:
         first, *rest = c.path.split(".")
+        # Without a table for pneumatics in the file the lag is an effect.
         table = mapping["effect"][int(rest[0]) - 1] if first == "effect" else mapping["pneumatics"]
         table["provenance"] = {**table.get("provenance", {}), rest[-1]: _entry(outcome.uncertainty[k], references)}
     return {key: mapping[key] for key in ("pneumatics", "effect") if key in mapping}
