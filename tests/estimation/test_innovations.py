@@ -98,3 +98,21 @@ def test_failed_simulations_come_back_as_such_and_impossible_noise_is_an_error()
     assert np.all(np.isnan(Innovations([oscillator()], places, time, mask, np.zeros((3, 2)))(np.full((3, 2), np.nan))))
     with pytest.raises(ConvergenceError, match="not positive"):
         Innovations([oscillator(-1e9)], places, time, mask, np.zeros((3, 2)))(np.zeros((3, 2)))
+
+
+def test_modes_that_die_out_at_once_are_no_overflow() -> None:
+    """A stiff arm between readings at 10 Hz: modes of 0.1 ms and of 2 s, driven alike."""
+    rates, nothing = np.array([1e4, 0.5]), np.zeros(2)
+    system = Disturbed(
+        state=np.diag(-rates),
+        driving=np.full((2, 2), 3.0),
+        shown=np.eye(2),
+        white=np.ones(2),
+        lengths=np.full(2, np.inf),
+        channels=np.zeros(2, dtype=np.int64),
+        sizes=nothing,
+    )
+    transition, added = system.over(0.1)
+    both = rates[:, None] + rates
+    np.testing.assert_allclose(np.diag(transition), np.exp(-0.1 * rates), rtol=1e-9, atol=1e-300)
+    np.testing.assert_allclose(added, 3.0 * (1.0 - np.exp(-0.1 * both)) / both, rtol=1e-9)
