@@ -43,6 +43,8 @@ _MEDIAN_NORMAL = 0.6745
 _TOLERANCE = 1e-6
 #: Rows of all but the last stage are at least this far apart, and short windows last this long together, s.
 _COARSE_INTERVAL = 0.01
+#: Rows over which white residuals of a log are correlated by chance, at the most.
+_WHITE = 1.5
 #: Scales that change by less than this part are settled.
 _SETTLED = 0.05
 _SHORT_BUDGET = 20.0
@@ -212,7 +214,7 @@ def refine(
             staged = replace(model, records=tuple(r.thinned(stage.interval) for r in model.records))
             z = np.zeros(len(coordinates)) if reached is None else reached[1].point.z
             if final and reached is not None:
-                problem, states = _on_all_rows(reached[0], staged, reached[1].point)
+                problem, states = _on_all_rows(_with_what_lasts(*reached, staged, settings), staged, reached[1].point)
             else:
                 problem = _stage_problem(staged, z, (mean, deviation), stage.length, settings, stage.budget)
                 states = problem.guesses
@@ -284,11 +286,8 @@ def _teller(pace: Pace, stage: _Stage, number: int) -> Callable[[int, float], No
 
 def _with_noises(problem: Problem, outcome: Outcome, settings: Settings, pace: Pace) -> Disturbed | None:
     """The last stage, in windows as long as what is slow; None where it is not wanted, or its simulations fail."""
-    wanted = settings.prediction_error
-    if wanted is None:
-        wanted = _is_for_noises(problem.model)
     # It begins near a minimum.
-    if not (wanted and outcome.converged):
+    if not (_wants_noises(problem.model, settings) and outcome.converged):
         return None
     assert settings.windows is not None
     pace.last("noises")
@@ -328,6 +327,12 @@ def _least(rec: Record) -> float:
     """Least noise of a logged pressure that has some, Pa: the inputs of an arm have sensors of one sort."""
     noisy = rec.pressure_noise[rec.pressure_noise > 0.0]
     return float(np.min(noisy)) if len(noisy) else 0.0
+
+
+def _wants_noises(model: Model, settings: Settings) -> bool:
+    """Whether the noises are to be estimated with the model."""
+    wanted = settings.prediction_error
+    return _is_for_noises(model) if wanted is None else wanted
 
 
 def _is_for_noises(model: Model) -> bool:
@@ -437,6 +442,20 @@ def _sound(records: Sequence[Record], reached: tuple[Problem, Outcome] | None) -
         shown[window.record][window.first : window.last] = predicted
     sound = without_strays(seen, shown)
     return tuple(new if len(new) == len(rec) else rec for rec, new in zip(records, sound, strict=True))
+
+
+def _with_what_lasts(problem: Problem, outcome: Outcome, staged: Model, settings: Settings) -> Problem:
+    """The problem with what its model leaves weighing by how long it lasts, in rows of the last stage.
+
+    An error that is alike in many rows is one number, and priors are to count beside it as beside one. Where settings
+    say how long it lasts that stays; innovations, which come after, know it themselves.
+    """
+    if problem.residuals.lasting > 1.0 or _wants_noises(problem.model, settings):
+        return problem
+    rows = _alike(problem, problem.evaluated(outcome.point.z, outcome.point.states))
+    more = sum(map(len, staged.records)) / sum(map(len, problem.model.records))
+    lasting = max(1.0, rows * more) ** 0.5 if rows > _WHITE else 1.0
+    return problem.rescaled(replace(problem.residuals, lasting=lasting))
 
 
 def _stage_problem(
