@@ -7,12 +7,19 @@ import pytest
 from numpy.typing import NDArray
 
 import bha
+from bha.diagnosis.candidate import Candidate
+from bha.diagnosis.catalogue import PLANS
+from bha.diagnosis.contenders import with_what_slips
+from bha.diagnosis.plain import remembering
+from bha.diagnosis.preparation import prepare
+from bha.diagnosis.screen import Scored
 from bha.estimation.asked import stands_elsewhere
 from bha.estimation.begin import begin
 from bha.estimation.preload import of_record, with_preloads
 from bha.estimation.records import record
 from bha.estimation.scale import default_free_of
 from bha.identification import predict
+from bha.recordings import Recording
 from bha.recordings.strained import one_a_bellows, slips, strains, with_starts
 
 from .slow_arm import TRUE, arm_of, log_of
@@ -104,3 +111,21 @@ def test_logs_that_begin_elsewhere_ask_for_what_slips() -> None:
     assert {"preload", "hysteresis"} <= {effect.kind for effect in found.arm.parameters.effects}
     assert len(found.said) == 2
     assert {f"section.1.{name}" for name in ("rest_length", "stiffness.1")} <= {f.path for f in found.free}
+
+
+def test_a_diagnosis_of_such_logs_asks_what_slips() -> None:
+    guess = arm_of(TRUE, apart=True)
+    logs = [log_of_strained(*strain) for strain in ((-0.5, 0.4, 0.0), (0.3, -0.2, 0.6))]
+    records = [prepare(Recording(guess, log)) for log in logs]
+    found = remembering(guess, records)
+    assert [effect.kind for effect in found.parameters.effects][-1] == "preload"
+    assert remembering(found, records) is found
+    assert remembering(guess, records[:1]) is guess
+    # The bank of all bellows is refitted whatever small strengths promise; once.
+    plan = next(plan for plan in PLANS if plan.kind == "hysteresis")
+    bank, single = Candidate(plan, "all", {}, plan.bank), Candidate(plan, "all", {"yield": 6e-3})
+    ranking = [Scored(single, 0.0, (0.0,), 0.0, 1.0)]
+    first = with_what_slips([], ranking, [])
+    assert [scored.candidate for scored in first] == [bank]
+    assert with_what_slips(first, ranking, []) == first
+    assert with_what_slips([], ranking, [("hysteresis", "all")]) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,9 @@ from bha.diagnosis.given import Given
 from bha.diagnosis.places import members
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.screen import Scored, Screening
+from bha.parameters import ArmParameters
+from bha.recordings.beginning import preloaded
+from bha.recordings.strained import KIND as MEMORY
 
 Key = tuple[str, str]
 
@@ -43,7 +47,30 @@ def contenders(
     if given.problem.restarts:
         chosen = with_wider(chosen, ranking, taken)
         chosen = with_rivals(chosen, ranking, taken, rivals)
+    if remembers(given.problem.model.parameters):
+        chosen = with_what_slips(chosen, ranking, taken)
     return with_one_element(chosen, ranking)
+
+
+def remembers(parameters: ArmParameters) -> bool:
+    """Whether first poses tell what holds the arm: it stands elsewhere after each use."""
+    return bool(preloaded(parameters))
+
+
+def with_what_slips(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:
+    """``chosen`` with the bank of what slips everywhere, for an arm that stands elsewhere after each use.
+
+    Scores are those of small strengths, and where logs begin a small element is strained to its limit: all that it does
+    is to hold less than a preload. What a strong one does only a refit tells.
+    """
+    own = next((s for s in ranking if s.candidate.key == (MEMORY, "all")), None)
+    if own is None or own.candidate.key in taken:
+        return list(chosen)
+    if any(s.candidate.key == own.candidate.key and s.candidate.bank for s in chosen):
+        return list(chosen)
+    plan = own.candidate.plan
+    bank = Candidate(plan, "all", {}, plan.bank)
+    return [replace(own, candidate=bank, strengths=(0.0,) * len(plan.bank)), *chosen]
 
 
 def promising(

@@ -25,14 +25,17 @@ from bha.diagnosis.decide import faults_in_words
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.valves import Start, at, begun, coordinates_of, starts_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
+from bha.estimation.asked import holds_off, stands_elsewhere
 from bha.estimation.begin import begin
 from bha.estimation.free import apply, resolve
 from bha.estimation.lags import is_of_commands, with_lag
+from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
 from bha.estimation.refinement import remembers
 from bha.estimation.runs import Integration
 from bha.estimation.scale import default_free_of
 from bha.parameters import ArmParameters
+from bha.recordings.beginning import preloaded
 
 if TYPE_CHECKING:
     from bha.checkup import Finding
@@ -64,10 +67,18 @@ class Plain:
 
     @property
     def said(self) -> list[str]:
-        """What is to be said of where it began."""
-        if not self.moved:
-            return []
-        return ["the plain model began where held poses and a search over dampings say, not at the file's values"]
+        """What is to be said of where it began, and where its logs did."""
+        texts = []
+        if preloaded(self.arm.parameters):
+            texts.append(
+                "the arm stands elsewhere under the same pressures after each use: what holds it where a log begins is "
+                "told by that log's first pose (effect preload; the file has its mean)"
+            )
+        if self.moved:
+            texts.append(
+                "the plain model began where held poses and a search over dampings say, not at the file's values"
+            )
+        return texts
 
     @property
     def left(self) -> float:
@@ -79,6 +90,16 @@ class Plain:
             middle = np.nanmean(np.where(usable, record.measured, np.nan), axis=0)
             motions.append((record.measured - middle)[usable])
         return float(np.sqrt(np.mean(np.concatenate(errors) ** 2) / np.mean(np.concatenate(motions) ** 2)))
+
+
+def remembering(arm: Arm, train: Sequence[Record]) -> Arm:
+    """The arm with preloads, told by first poses, where logs show that it stands elsewhere after each use.
+
+    What held it is no gap of the model then, nor noise that sets logs apart: the logs tell it themselves.
+    """
+    if preloaded(arm.parameters) or not stands_elsewhere(train):
+        return arm
+    return arm.with_parameters(with_preloads(arm.parameters))
 
 
 def fit_plain(
@@ -132,6 +153,14 @@ def fit_plain(
         begins = [at(model, own) for own in starts]
         return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins), bool(label))
 
+    if preloaded(arm.parameters) and not (faults or doubts):
+        # An arm that stands elsewhere after each use creeps: a data sheet's damping is off by orders of magnitude.
+        tell("looking for where to begin", None)
+        if (start := _begun(arm, train, threads, commanded)) is not None:
+            with suppress(ConvergenceError):
+                held = fitted(start, "begun")
+                if held.left < FOUND:
+                    return held
     first: Plain | None = None
     why: ConvergenceError | None = None
     try:
@@ -161,6 +190,8 @@ def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bo
     try:
         lagging, lags = with_lag(arm, train) if commanded else (arm, ())
         free = (*default_free_of(arm.parameters, train), *lags)
+        if preloaded(arm.parameters):
+            free = tuple(f for f in free if not holds_off(f.path))
         found = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
         if found.from_file:
             return None

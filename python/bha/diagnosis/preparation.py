@@ -18,6 +18,7 @@ from bha.errors import InputError
 from bha.estimation.records import Record, reading_noise
 from bha.estimation.strays import without_strays
 from bha.recordings import Observation
+from bha.recordings.beginning import beginning
 
 if TYPE_CHECKING:
     from bha.recordings import Recording
@@ -70,7 +71,7 @@ def prepare(recording: Recording, *, name: str | None = None, pressure_noise: Ar
     outputs, good = outputs[:, kept], good[:, kept]
     if len(chosen) < FEWEST_ROWS:
         raise InputError(f"{origin}: {len(chosen)} rows hold a reading that counts; at least {FEWEST_ROWS} are needed")
-    drive = recording.drive
+    stands, drive = beginning(recording, kept)
     if drive.forces is not None and not np.any(drive.forces):
         drive = replace(drive, forces=None)
     noise = sensed_noise([recording]) if pressure_noise is None else pressure_noise
@@ -85,6 +86,7 @@ def prepare(recording: Recording, *, name: str | None = None, pressure_noise: Ar
         pressure_facts=recording.pressure_facts,
         sha256=recording.log.sha256,
         doubts=recording.left_open(noise),
+        resting=stands,
     )
     return made.with_noise(reading_noise(made.facts)).with_pressure_noise(recording.acting_noise(noise))
 

@@ -30,7 +30,9 @@ from bha.diagnosis.memory import by_log, numbers_per_independent
 from bha.diagnosis.slowness import LAG, better_way
 from bha.errors import ConvergenceError
 from bha.estimation.integration import resolved
-from bha.estimation.terms import EffectTerm
+from bha.estimation.terms import EffectTerm, number_of
+from bha.recordings.beginning import preloaded
+from bha.recordings.strained import KIND as MEMORY
 
 Array = NDArray[np.float64]
 
@@ -120,6 +122,13 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
     problem, begin = given.problem, start.fit
     candidates = (*start.candidates, candidate)
     term, own = candidate.term(strengths, given.ranges)
+    if candidate.kind == MEMORY and preloaded(begin.model.parameters):
+        # From as much as is expected: where logs begin, little is strained to its limit and tells nothing of more.
+        typical = {s.name: s.typical for s in candidate.plan.strengths}
+        own = [
+            c.coordinate(typical[number_of(c)]) if number_of(c) in typical else v
+            for c, v in zip(term.coordinates, own, strict=True)
+        ]
     model = begin.model.with_effects([*begin.model.effects, term])
     x = np.concatenate([begin.x, np.array(own, dtype=np.float64)])
     old = len(begin.x)

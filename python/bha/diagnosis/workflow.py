@@ -26,7 +26,7 @@ from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_told
 from bha.diagnosis.noises import disturbed_outputs, mean_white_square
-from bha.diagnosis.plain import fit_plain
+from bha.diagnosis.plain import fit_plain, remembering
 from bha.diagnosis.preparation import (
     cut_to,
     from_rest,
@@ -54,6 +54,7 @@ from bha.estimation.engine import Model
 from bha.estimation.records import Record, Window
 from bha.estimation.steady import start_scatter
 from bha.estimation.strays import in_words
+from bha.recordings.beginning import preloaded
 from bha.support.shown import short_repr
 
 if TYPE_CHECKING:
@@ -132,12 +133,14 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     sensors = arm.parameters.sensors and arm.parameters.sensors.model_dump(mode="json")
     inputs = json.dumps([arm.parameters.to_core(), sensors])
     cache = Cache(cache_folder, key_of(inputs, [*train, *held], (commanded, heads, seed, rules, kinds)))
-    scatter = start_scatter([*train, *held])
+    arm = remembering(arm, train)
+    scatter = None if preloaded(arm.parameters) else start_scatter([*train, *held])
     plain = fit_plain(
         arm,
         train,
         commanded=commanded,
-        camera=heads,
+        # What a camera elsewhere would show is told by first poses.
+        camera=heads and not preloaded(arm.parameters),
         faults=faults,
         doubts=doubts,
         seed=seed,

@@ -16,7 +16,9 @@ from bha.diagnosis.valves import is_of_valves
 from bha.errors import FileError, InputError, way_out
 from bha.estimation.engine import Model
 from bha.estimation.free import with_values
+from bha.estimation.preload import typical
 from bha.parameters import paths
+from bha.recordings.beginning import preloaded
 from bha.support.files import check_target
 
 if TYPE_CHECKING:
@@ -127,7 +129,8 @@ def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
     changes |= _valves_tables(arm, outcome, references)
     if tables:
         changes["effect"] = [*changes.get("effect", mapping.get("effect", [])), *tables]
-    return arm.with_parameters(arm.parameters.updated(changes))
+    made = arm.with_parameters(arm.parameters.updated(changes))
+    return made.with_parameters(typical(made, model.records)) if preloaded(made.parameters) else made
 
 
 def _effect_table(

@@ -110,7 +110,7 @@ def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter
         effects.append({"kind": AREA, "where": f"section {number}", "by_length": 0.0})
         slope = FreeParameter(f"effect.{len(effects)}.by_length", prior=prior, logarithmic=False, scale=BY_LENGTH)
         more.append(replace(slope, lower=-3.0 * BY_LENGTH, upper=BY_LENGTH))
-    left = [_plainly(f) for f in free if not _holds_off(f if isinstance(f, str) else f.path)]
+    left = [_plainly(f) for f in free if not holds_off(f if isinstance(f, str) else f.path)]
     said = (
         "logs begin at rest in other poses than their pressures say: what holds the arm there is told by each log's "
         "first pose (effect preload; what is written is its mean), and areas change with length (effect effective_area)"
@@ -166,7 +166,8 @@ def memory_that_slips(parameters: ArmParameters, free: Sequence[FreeParameter | 
             where = {"kind": MEMORY, "where": f"section {number}"}
             effects.append({**where, "amplitude": most, "yield": yields, "sharpness": 1.0})
             path = f"effect.{len(effects)}.amplitude"
-            more.append(FreeParameter(path, lower=1e-3 * most, prior=(most, SLIP_DEVIATION * most)))
+            deviation = SLIP_DEVIATION * most
+            more.append(FreeParameter(path, lower=1e-3 * most, prior=(most, deviation), logarithmic=True))
         rest = f"section.{number}.rest_length"
         if rest not in known and not _is_published(section, "rest_length"):
             more.append(FreeParameter(rest, prior=(section.rest_length, SETTLED * section.rest_length)))
@@ -205,7 +206,7 @@ def _plainly(free: FreeParameter | str) -> FreeParameter | str:
     return FreeParameter(path, sessions, lower=1e-3)
 
 
-def _holds_off(path: str) -> bool:
+def holds_off(path: str) -> bool:
     """Whether a number moves or tilts the whole arm (rest length, centre of mass, camera), or is the scale of areas."""
     if paths.is_of_sensors(path):
         return path != TURN
