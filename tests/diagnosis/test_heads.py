@@ -68,11 +68,12 @@ def test_a_lag_between_command_and_chamber_is_told_in_an_arm_that_creeps() -> No
         logs.append(cut(log_of_heads(arm, whole, p, run, number, 1e-4, prefix="pc"), 10.0))
     product = one_section({**OFF, "damping": 5.0})
     found = bha.diagnose(product, logs[:2], logs[2:], kinds=KINDS, pressures="commanded")
-    assert found.verdict == "equivalent"
-    assert [(e.kind, e.where, e.plain) for e in found.effects] == [("pressure_lag", "all", True)]
+    # Three times as long one way as the other is a finding; on an arm that does not swing it is the class.
+    assert found.verdict == "one_of"
+    assert [(e.kind, e.where, e.plain) for e in found.effects] == [("pressure_lag", "all", False)]
     assert found.effects[0].parameters["fill"].value == pytest.approx(0.5, rel=0.1)
     assert found.effects[0].parameters["vent"].value == pytest.approx(1.5, rel=0.1)
-    assert found.gap.before < 1.1 * found.gap.noise
+    assert found.gap.after < 1.1 * found.gap.noise < found.gap.before
     assert any("rests under its commands" in note for note in found.residual["notes"])
 
 
