@@ -355,19 +355,19 @@ def _without_pressure_noise(
     better = corrected(problem, outcome.point, normal, seed=settings.seed)
     before = problem.evaluated(outcome.point.z, outcome.point.states)
     first = replace(outcome, point=before), normal, better
-    size = np.inf
+    sizes: list[float] = []
     for _ in range(_CORRECTIONS):
         point = outcome.point
-        before_size, size = size, float(better.step @ normal.reduced()[0] @ better.step)
-        if size > before_size:
-            # Corrections that grow lead away, along what noise alone tells.
+        sizes.append(float(better.step @ normal.reduced()[0] @ better.step))
+        if len(sizes) > 2 and sizes[-1] > sizes[-2] > sizes[-3]:
+            # Corrections that go on growing lead away, along what noise alone tells; one may overshoot.
             break
         moved = problem.evaluated(np.clip(point.z + better.step, *bounds), point.states + better.state_steps)
         if not np.isfinite(moved.cost):
             break
         outcome = replace(outcome, point=moved)
         # Steps within the error are not repeated: the information is that of next to the same point.
-        if size < len(better.step):
+        if sizes[-1] < len(better.step):
             break
         normal = problem.normal(moved, keep=True)
         better = corrected(problem, moved, normal, seed=settings.seed)
@@ -560,8 +560,9 @@ def _alike(problem: Problem, point: Point) -> float:
     if point.left is None:
         return 1.0
     columns = [left[:, c] for left in point.left for c in range(left.shape[1])]
-    lengths = [correlation_length([column]) * min(1.0, float(np.mean(column**2))) for column in columns]
-    return float(np.median(lengths)) if lengths else 1.0
+    counted = problem.residuals.lasting > 1.0
+    lengths = [correlation_length([own]) * (min(1.0, float(np.mean(own**2))) if counted else 1.0) for own in columns]
+    return max(1.0, float(np.median(lengths))) if lengths else 1.0
 
 
 def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable[[int, float], None] | None:
