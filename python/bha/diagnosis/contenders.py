@@ -13,7 +13,6 @@ from bha.diagnosis.given import Given
 from bha.diagnosis.places import members
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.screen import Scored, Screening
-from bha.parameters import ArmParameters
 from bha.recordings.beginning import preloaded
 from bha.recordings.strained import KIND as MEMORY
 
@@ -47,14 +46,9 @@ def contenders(
     if given.problem.restarts:
         chosen = with_wider(chosen, ranking, taken)
         chosen = with_rivals(chosen, ranking, taken, rivals)
-    if remembers(given.problem.model.parameters):
+    if preloaded(given.problem.model.parameters):
         chosen = with_what_slips(chosen, ranking, taken)
     return with_one_element(chosen, ranking)
-
-
-def remembers(parameters: ArmParameters) -> bool:
-    """Whether first poses tell what holds the arm: it stands elsewhere after each use."""
-    return bool(preloaded(parameters))
 
 
 def with_what_slips(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:

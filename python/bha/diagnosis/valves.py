@@ -31,12 +31,12 @@ from bha.estimation.lags import GREATEST, LATEST, LEAST, PATHS, START
 from bha.estimation.runs import Integration
 from bha.estimation.terms import number_of
 from bha.parameters import paths
+from bha.parameters.provenance import published
 
 if TYPE_CHECKING:
     from bha.estimation.free import Coordinate
     from bha.estimation.records import Record
     from bha.parameters import ArmParameters, EffectParameters
-    from bha.parameters.provenance import ProvenanceTable
 
 Array = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ def _paths(parameters: ArmParameters) -> list[tuple[str, str, str]]:
     """Path, kind and number of each time that is free."""
     found = []
     if parameters.pneumatics is not None and parameters.pneumatics.level == "lag":
-        known = _published(parameters.pneumatics.provenance)
+        known = published(parameters.pneumatics.provenance)
         found += [
             (p, LAG, n) for p, n in zip(PATHS, ("fill", "vent"), strict=True) if p.rpartition(".")[2] not in known
         ]
@@ -216,14 +216,10 @@ def _paths(parameters: ArmParameters) -> list[tuple[str, str, str]]:
         if not _stands_for_valves(effect) or effect.kind in seen:
             continue
         seen.add(effect.kind)
-        known = _published(effect.provenance)
+        known = published(effect.provenance)
         found += [
             (f"effect.{k}.{number}", kind, number)
             for kind, number in NUMBERS
             if kind == effect.kind and number not in known
         ]
     return found
-
-
-def _published(provenance: ProvenanceTable) -> set[str]:
-    return {name for name, entry in provenance.items() if entry.status == "published"}

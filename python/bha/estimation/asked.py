@@ -29,7 +29,8 @@ from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
 from bha.estimation.scale import curved
 from bha.estimation.statics import TURN
-from bha.parameters import ArmParameters, SectionParameters, paths
+from bha.parameters import ArmParameters, paths
+from bha.parameters.provenance import published
 from bha.recordings.beginning import KIND as PRELOAD
 from bha.recordings.strained import KIND as MEMORY
 
@@ -169,18 +170,13 @@ def memory_that_slips(parameters: ArmParameters, free: Sequence[FreeParameter | 
             deviation = SLIP_DEVIATION * most
             more.append(FreeParameter(path, lower=1e-3 * most, prior=(most, deviation), logarithmic=True))
         rest = f"section.{number}.rest_length"
-        if rest not in known and not _is_published(section, "rest_length"):
+        if rest not in known and "rest_length" not in published(section.provenance):
             more.append(FreeParameter(rest, prior=(section.rest_length, SETTLED * section.rest_length)))
     said = (
         "what held the arm where logs begin gives way once it moves on: elements that slip in every bellows, strained "
         "as each log's first pose tells, were added (effect hysteresis)"
     )
     return Asked(parameters.updated({**mapping, "effect": effects}), (*free, *more), said, False, begins=True)
-
-
-def _is_published(section: SectionParameters, key: str) -> bool:
-    entry = section.provenance.get(key)
-    return entry is not None and entry.status == "published"
 
 
 def slip_factors(coordinates: Sequence[Coordinate], z: Array) -> list[Array]:

@@ -240,15 +240,17 @@ def _with_memory(found: _Found, model: Model, *, whole: bool) -> tuple[_Found, l
     them is wrong of all others. Whether what held the arm gives way as it moves on is told by whole logs.
     """
     said: list[str] = []
+    least = np.inf
     for ask in (material_that_creeps, memory_that_slips):
         asked = ask(found.arm.parameters, found.free)
         more = None if asked is None else _step_by_step(found, asked, model, whole=whole)
         if asked is None or more is None or not np.isfinite(more.tried[0].merit):
             continue
         more = _conjugate(more, model)
-        if said and _over_whole_logs(more, model)[0].merit > _over_whole_logs(found, model)[0].merit:
+        left = _over_whole_logs(more, model)[0].merit
+        if left > least:
             continue
-        found = more
+        found, least = more, left
         said.append(asked.said)
     return found, said
 

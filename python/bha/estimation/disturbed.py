@@ -162,11 +162,8 @@ def fit_with_noise(
 
 def _added_by(rounding: Rounding, problem: Problem, point: Point) -> list[Array]:
     """What rounding adds to the readings of each record on average, (rows, C), by what is shown at a point."""
-    model = problem.model
-    found = [np.zeros_like(rec.measured) for rec in model.records]
-    for window, shown in zip(problem.windows, model.predict(point.z, problem.windows, point.states), strict=True):
-        found[window.record][window.first : window.last] = rounding.error(shown)
-    return found
+    shown = problem.by_record(problem.model.predict(point.z, problem.windows, point.states))
+    return [np.where(np.isnan(own), 0.0, rounding.error(own)) for own in shown]
 
 
 def _with_least(rec: Record) -> Record:

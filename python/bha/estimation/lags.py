@@ -22,6 +22,7 @@ from bha.arm import Arm
 from bha.estimation.apart import KIND, rates
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.records import Record
+from bha.parameters.provenance import published
 
 #: The time constants: paths, and how far (as a factor's logarithm, in deviations of the prior) nobody knows them.
 PATHS = ("pneumatics.fill_time", "pneumatics.vent_time")
@@ -90,7 +91,8 @@ def with_lag(arm: Arm, records: Sequence[Record]) -> tuple[Arm, tuple[FreeParame
     if not any(rec.drive.commanded for rec in records) or arm.pneumatics_level == "full":
         return arm, ()
     table = arm.parameters.to_mapping().get("pneumatics", {})
-    published = {name for name, entry in table.get("provenance", {}).items() if _status(entry) == "published"}
+    pneumatics = arm.parameters.pneumatics
+    known = set() if pneumatics is None else published(pneumatics.provenance)
     stated = {name: table.get(name, START) for name in ("fill_time", "vent_time")}
     if arm.pneumatics_level != "lag":
         table = {**table, **stated, "level": "lag"}
@@ -100,7 +102,7 @@ def with_lag(arm: Arm, records: Sequence[Record]) -> tuple[Arm, tuple[FreeParame
             f"pneumatics.{name}", lower=LEAST, upper=GREATEST, prior=(value, _DEVIATION * value), logarithmic=True
         )
         for name, value in stated.items()
-        if name not in published
+        if name not in known
     ]
     if not any(effect.kind == "delay" for effect in arm.parameters.effects):
         arm = arm.with_effects([*arm.parameters.effects, {"kind": "delay", "where": "all", "time": 0.0}])
@@ -136,7 +138,3 @@ def delayed(coordinates: Sequence[Coordinate], z: NDArray[np.float64]) -> list[N
                     point[k] = coordinate.coordinate(max(lag, coordinate.lower))
             made.append(point)
     return made
-
-
-def _status(entry: object) -> object:
-    return entry.get("status") if isinstance(entry, dict) else entry

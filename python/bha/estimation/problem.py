@@ -230,6 +230,13 @@ class Problem:
             left.append(residual)
         return self.costed(replace(point, left=tuple(left)))
 
+    def by_record(self, outputs: Sequence[Array]) -> list[Array]:
+        """What is shown in the windows put together, per record (rows, C); NaN where no window is."""
+        found = [np.full(rec.measured.shape, np.nan) for rec in self.model.records]
+        for window, own in zip(self.windows, outputs, strict=True):
+            found[window.record][window.first : window.last] = own
+        return found
+
     def costed(self, point: Point) -> Point:
         """A point with its loss under these priors; infinite without residuals."""
         if point.left is None:

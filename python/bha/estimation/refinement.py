@@ -24,13 +24,13 @@ from bha.estimation.disturbed import Disturbed, fit_with_noise
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.integration import by, choose_integration, too_coarse
-from bha.estimation.long_run import correlation_length
 from bha.estimation.pace import Pace, Progress
 from bha.estimation.pressure_noise import PAIRS, Corrected, corrected, is_noisy, uncorrected
 from bha.estimation.problem import HUBER, Normal, Point, Problem, Residuals, state_deviations
 from bha.estimation.records import Record, Window, some_of, windows
 from bha.estimation.runs import Integration
-from bha.estimation.solver import Interrupted, Outcome, Policy, solve
+from bha.estimation.scales import alike, fit_with_scales, scales
+from bha.estimation.solver import Interrupted, Outcome
 from bha.estimation.strays import is_sparse, without_strays
 from bha.estimation.uncertainty import Uncertainty, uncertainty
 from bha.runs.options import Method
@@ -38,16 +38,12 @@ from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
 
-_MEDIAN_NORMAL = 0.6745
 #: The last search ends when a step gains less than this part of the loss, or less than a hundredth.
 _TOLERANCE = 1e-6
 #: Rows of all but the last stage are at least this far apart, and short windows last this long together, s.
-_COARSE_INTERVAL = 0.01
+_COARSE_INTERVAL, _SHORT_BUDGET = 0.01, 20.0
 #: Rows over which white residuals of a log are correlated by chance, at the most.
 _WHITE = 1.5
-#: Scales that change by less than this part are settled.
-_SETTLED = 0.05
-_SHORT_BUDGET = 20.0
 #: Windows in which noises are estimated last at least this long, s, and no longer than logs.
 _NOISE_WINDOW = 30.0
 #: Variance of a coordinate above which output error does not tell a parameter: one half.
@@ -436,11 +432,8 @@ def _sound(records: Sequence[Record], reached: tuple[Problem, Outcome] | None) -
         return tuple(records)
     problem, outcome = reached
     seen = problem.model.records
-    shown = [np.full(rec.measured.shape, np.nan) for rec in seen]
-    predictions = problem.model.predict(outcome.point.z, problem.windows, outcome.point.states)
-    for window, predicted in zip(problem.windows, predictions, strict=True):
-        shown[window.record][window.first : window.last] = predicted
-    sound = without_strays(seen, shown)
+    shown = problem.model.predict(outcome.point.z, problem.windows, outcome.point.states)
+    sound = without_strays(seen, problem.by_record(shown))
     return tuple(new if len(new) == len(rec) else rec for rec, new in zip(records, sound, strict=True))
 
 
@@ -452,7 +445,7 @@ def _with_what_lasts(problem: Problem, outcome: Outcome, staged: Model, settings
     """
     if problem.residuals.lasting > 1.0 or _wants_noises(problem.model, settings):
         return problem
-    rows = _alike(problem, problem.evaluated(outcome.point.z, outcome.point.states))
+    rows = alike(problem, problem.evaluated(outcome.point.z, outcome.point.states))
     more = sum(map(len, staged.records)) / sum(map(len, problem.model.records))
     lasting = max(1.0, rows * more) ** 0.5 if rows > _WHITE else 1.0
     return problem.rescaled(replace(problem.residuals, lasting=lasting))
@@ -474,96 +467,3 @@ def _stage_problem(
     guesses = model.guesses(z, pieces)
     deviations = settings.state_deviation or state_deviations(model.records)
     return Problem(model, tuple(pieces), residuals, guesses, prior, deviations)
-
-
-def scales(problem: Problem, point: Point) -> Residuals:
-    """Scale of each channel: its sensor noise, or the robust spread of its residuals where that is larger."""
-    records = problem.model.records
-    errors: list[list[Array]] = [[] for _ in records]
-    predictions = problem.model.predict(point.z, problem.windows, point.states)
-    for window, predicted in zip(problem.windows, predictions, strict=True):
-        rec = records[window.record]
-        rows = slice(window.first, window.last)
-        errors[window.record].append(np.where(rec.usable[rows], rec.measured[rows] - predicted, np.nan))
-    tables = [
-        np.vstack(parts) if parts else np.zeros((1, len(r.channels))) for r, parts in zip(records, errors, strict=True)
-    ]
-    spreads = _pooled(records, tables) if problem.residuals.pooled else [_spread(table) for table in tables]
-    found = [
-        np.where(left > 1.05 * rec.noise, problem.residuals.lasting * left, rec.noise)
-        for rec, left in zip(records, spreads, strict=True)
-    ]
-    return replace(problem.residuals, scale=tuple(found))
-
-
-def _spread(error: Array) -> Array:
-    """Robust spread of each channel, shape (C,); 0 where nothing counts."""
-    good = np.any(np.isfinite(error), axis=0)
-    left = np.array([np.nanmedian(np.abs(e)) if g else 0.0 for e, g in zip(error.T, good, strict=True)])
-    return np.asarray(left / _MEDIAN_NORMAL)
-
-
-def _pooled(records: Sequence[Record], errors: Sequence[Array]) -> list[Array]:
-    """Root mean square of all channels of a kind in all records, for each channel, shape (C,)."""
-    kinds = [[output.kind for output in rec.observation.outputs] for rec in records]
-    pooled: dict[str, float] = {}
-    for kind in {kind for own in kinds for kind in own}:
-        squares = [
-            error[:, [k for k, other in enumerate(own) if other == kind]].ravel() ** 2
-            for own, error in zip(kinds, errors, strict=True)
-        ]
-        every = np.concatenate(squares)
-        pooled[kind] = float(np.sqrt(np.nanmean(every))) if np.isfinite(every).any() else 0.0
-    return [np.array([pooled[kind] for kind in own]) for own in kinds]
-
-
-def fit_with_scales(
-    problem: Problem,
-    point: Point,
-    *,
-    max_iterations: int,
-    tolerance: float,
-    damping: float = 1e-4,
-    progress: Callable[[int, float], None] | None = None,
-) -> Outcome:
-    """Minimise while the channels' scales shrink to what the model leaves; the last search keeps them."""
-    total = 0
-    outcome = Outcome(point, False, "not started", 0)
-    while total < max_iterations:
-        before = problem.residuals.scale
-        problem = problem.rescaled(scales(problem, outcome.point))
-        change = max(float(np.max(np.abs(np.log(a / b)))) for a, b in zip(problem.residuals.scale, before, strict=True))
-        settled = change < _SETTLED or total > max_iterations // 2
-        try:
-            start = problem.evaluated(outcome.point.z, outcome.point.states)
-            policy = Policy(
-                max_iterations=max_iterations - total if settled else min(3, max_iterations - total),
-                tolerance=tolerance if settled else 1e-2,
-                damping=damping,
-            ).among(_alike(problem, start))
-            outcome = solve(problem, start, policy, progress=_shifted(progress, total))
-        except Interrupted as stopped:
-            raise Interrupted(replace(stopped.outcome, iterations=total + stopped.outcome.iterations)) from None
-        total += max(1, outcome.iterations)
-        if settled:
-            break
-    return replace(outcome, iterations=total)
-
-
-def _alike(problem: Problem, point: Point) -> float:
-    """How many numbers of the residual say the same: what a model lacks errs alike for seconds; 1 if it is white.
-
-    By this factor a standard error is larger, squared, than independent numbers would have it, and the loss has to
-    fall by more to mean anything (:meth:`Policy.among`). By as much less where scales count it already
-    (:attr:`Settings.lasting`): a residual that is small in its scales moves the loss by little.
-    """
-    if point.left is None:
-        return 1.0
-    columns = [left[:, c] for left in point.left for c in range(left.shape[1])]
-    counted = problem.residuals.lasting > 1.0
-    lengths = [correlation_length([own]) * (min(1.0, float(np.mean(own**2))) if counted else 1.0) for own in columns]
-    return max(1.0, float(np.median(lengths))) if lengths else 1.0
-
-
-def _shifted(progress: Callable[[int, float], None] | None, by: int) -> Callable[[int, float], None] | None:
-    return None if progress is None else lambda iteration, cost: progress(iteration + by, cost)

@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from bha.estimation.free import FreeParameter, camera_free, typical_scale
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters, SectionParameters, paths
+from bha.parameters.provenance import published
 
 #: Standard deviation of ln(mass) of an arm that was weighed and of one of which the file does not say so, and of
 #: ln(area) of one that comes with its drawings and of one that does not.
@@ -89,15 +90,15 @@ def _spread(free: FreeParameter) -> float:
 def _of_section(parameters: ArmParameters, number: int, records: Sequence[Record]) -> list[FreeParameter]:
     place, section = f"section.{number}", parameters.sections[number - 1]
     status = {name: entry.status for name, entry in section.provenance.items()}
-    published = {name for name, own in status.items() if own == "published"}
+    known = published(section.provenance)
     measured = all(_measures_lengths(rec, number) for rec in records)
     area = status.get("terminal_area")
     drawn = area in ("published", "measured", "identified") or (measured and area != "assumed")
     free = []
-    if "mass" not in published:
+    if "mass" not in known:
         weighed = WEIGHED if status.get("mass") == "measured" else STATED
         free.append(_about(f"{place}.mass", section.mass, math.log(5.0) if drawn else weighed))
-    if not {"mass", "inertia"} & published:
+    if not {"mass", "inertia"} & known:
         free.append(_about(f"{place}.inertia.*", 1.0, INERTIA))
     for k, value in enumerate(section.stiffness, start=1):
         path = f"{place}.stiffness.{k}"
@@ -115,9 +116,9 @@ def _of_section(parameters: ArmParameters, number: int, records: Sequence[Record
         free.append(_about(f"{place}.damping", section.damping, DAMPING))
     else:
         free.append(FreeParameter(f"{place}.damping"))
-    if "terminal_area" not in published:
+    if "terminal_area" not in known:
         free.append(_about(f"{place}.terminal_area", section.terminal_area, DRAWN if drawn else AREA))
-    return [*free, *_of_a_tape_measure(place, section, published)]
+    return [*free, *_of_a_tape_measure(place, section, known)]
 
 
 def curved(parameters: ArmParameters, path: str) -> FreeParameter:
@@ -126,11 +127,11 @@ def curved(parameters: ArmParameters, path: str) -> FreeParameter:
     return FreeParameter(path, prior=(value, CURVED * typical_scale(parameters, path, value)))
 
 
-def _of_a_tape_measure(place: str, section: SectionParameters, published: set[str]) -> list[FreeParameter]:
+def _of_a_tape_measure(place: str, section: SectionParameters, known: set[str]) -> list[FreeParameter]:
     length, free = section.rest_length, []
-    if "rest_length" not in published:
+    if "rest_length" not in known:
         free.append(_about(f"{place}.rest_length", length, REST_LENGTH))
-    if "center_of_mass" not in section.model_fields_set and "terminal_area" not in published:
+    if "center_of_mass" not in section.model_fields_set and "terminal_area" not in known:
         prior = (0.0, CENTRE * length)
         free.append(FreeParameter(f"{place}.center_of_mass.z", lower=-0.5 * length, upper=0.0, prior=prior))
     return free
@@ -143,10 +144,10 @@ def _of_wires(parameters: ArmParameters, records: Sequence[Record]) -> list[Free
     for number, wire in enumerate(parameters.length_sensors, start=1):
         if not all(wire.name in names for names in read):
             continue
-        published = {name.removesuffix("_deg") for name, e in wire.provenance.items() if e.status == "published"}
-        if "angle" not in published:
+        known = published(wire.provenance)
+        if "angle" not in known:
             free.append(FreeParameter(f"length_sensor.{number}.angle", prior=(wire.angle_rad, WIRE_ANGLE)))
-        if "radius" not in published and wire.radius > 0.0:
+        if "radius" not in known and wire.radius > 0.0:
             prior = (wire.radius, WIRE_RADIUS * wire.radius)
             free.append(FreeParameter(f"length_sensor.{number}.radius", prior=prior))
     return free

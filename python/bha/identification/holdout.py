@@ -15,8 +15,8 @@ from bha.estimation.engine import Model
 from bha.estimation.integration import STEPS, by, choose_integration
 from bha.estimation.problem import Point, Problem, Residuals
 from bha.estimation.records import Record, Window
-from bha.estimation.refinement import scales
 from bha.estimation.runs import Integration
+from bha.estimation.scales import scales
 from bha.estimation.solver import Policy, solve
 from bha.support.shown import short_repr
 

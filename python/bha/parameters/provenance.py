@@ -75,6 +75,11 @@ def _from_status(entry: Any) -> Any:
 ProvenanceTable = dict[str, Annotated[Provenance, BeforeValidator(_from_status)]]
 
 
+def published(provenance: Mapping[str, Provenance]) -> set[str]:
+    """Names of the values that are published, and so known; angles without the ``_deg`` that a file may give them."""
+    return {name.removesuffix("_deg") for name, entry in provenance.items() if entry.status == "published"}
+
+
 def provenance_key() -> Any:
     """The ``[provenance]`` table of a table."""
     return Field(

@@ -27,7 +27,7 @@ from pydantic import Field, model_validator
 
 from bha import names
 from bha.parameters.base import NotNegative, Number, Table, Vector3, key, stated_angle, table_error
-from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key
+from bha.parameters.provenance import ProvenanceTable, check_provenance, provenance_key, published
 
 SignedAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 LengthColumns = Literal["bellows", "coordinates"]
@@ -90,7 +90,7 @@ class SensorsParameters(Table):
     @property
     def uncertain(self) -> dict[str, float]:
         """What of the camera's frame is not published, with how far off it plausibly is (m, rad): markers tell it."""
-        known = {name.removesuffix("_deg") for name, entry in self.provenance.items() if entry.status == "published"}
+        known = published(self.provenance)
         return {name: spread for name, spread in CAMERA_SPREADS.items() if name not in known}
 
     @property
