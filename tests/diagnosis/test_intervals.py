@@ -117,6 +117,20 @@ def test_an_effect_of_which_there_may_be_none_is_not_told(bounds: tuple[float, f
     candidate = Candidate(plan, "input p11", {})
     term, _ = candidate.term([0.2], core_ranges())
     model = SimpleNamespace(coordinates=(None, *term.coordinates), place=lambda number: slice(1, 2))
-    trial: Any = SimpleNamespace(candidates=(candidate,), fit=SimpleNamespace(model=model))
-    assert is_told(trial, [(-1.0, 1.0), bounds]) is told
-    assert is_told(SimpleNamespace(candidates=(), fit=SimpleNamespace(model=model)), [])  # type: ignore[arg-type]
+    fit = SimpleNamespace(model=model, x=np.array([0.0, 0.2]))
+    trial: Any = SimpleNamespace(candidates=(candidate,), fit=fit)
+    assert is_told(trial, np.zeros((3, 2)), [(-1.0, 1.0), bounds]) is told
+    assert is_told(SimpleNamespace(candidates=(), fit=fit), np.zeros((3, 2)), [])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("together", "told"), [(-0.99, True), (0.99, False)])
+def test_two_strengths_that_do_nearly_the_same_are_told_together(together: float, told: bool) -> None:
+    """An area that changes by pressure and by length, of which the logs tell the sum."""
+    (plan,) = available(("effective_area",))
+    candidate = Candidate(plan, "all", {})
+    term, _ = candidate.term([0.2, 0.2], core_ranges())
+    model = SimpleNamespace(coordinates=(None, *term.coordinates), place=lambda number: slice(1, 3))
+    trial: Any = SimpleNamespace(candidates=(candidate,), fit=SimpleNamespace(model=model, x=np.array([0.0, 1.0, 1.0])))
+    draws = np.zeros((4000, 3))
+    draws[:, 1:] = np.random.default_rng(1).multivariate_normal([0.0, 0.0], [[1.0, together], [together, 1.0]], 4000)
+    assert is_told(trial, draws, [(-1.0, 1.0)] * 3) is told

@@ -216,28 +216,3 @@ def test_a_coarse_channel_that_has_stopped_is_told_by_the_jump_at_its_end() -> N
     assert not usable[751:790].any()
     assert not usable[1501:1540].any()
     assert usable[1541:].all()
-
-
-def test_a_logger_that_has_stopped_stops_all_channels_and_no_rest_before_is_lost() -> None:
-    time, grid = np.arange(2000) * 0.02, 1e-3
-    levels = np.repeat(0.03 * (np.arange(8) % 2), 250)
-    motion = np.zeros(2000)
-    for k in range(1, 2000):
-        motion[k] = motion[k - 1] + 0.02 / 0.35 * (levels[k] - motion[k - 1])
-    # The second moves too little for a jump; the third shivers on its grid until the logger stops.
-    shiver = grid * (np.arange(2000) % 7 == 0)
-    values = np.column_stack([np.round((part * motion + 0.2) / grid) * grid for part in (1.0, 0.06, 0.0)])
-    values[:, 2] += shiver
-    values[740:790] = values[740]
-    judged = [samples.judge(time, f"q1{k + 1}", "m", values[:, k]) for k in range(3)]
-    assert [len(facts.dropouts) for facts, _ in judged] == [1, 0, 0]
-    found = samples.stopped_together(time, values, judged)
-    for facts, usable in found:
-        assert facts.dropouts == ((pytest.approx(14.8, abs=0.15), pytest.approx(15.8)),)
-        assert not usable[742:790].any()
-    for _, usable in found[:2]:
-        assert usable[:736].all()
-        assert usable[790:].all()
-    # Alone it is one sensor.
-    alone = values[:, :1]
-    assert samples.stopped_together(time, alone, judged[:1])[0][0].dropouts[0][1] == pytest.approx(15.8)

@@ -57,8 +57,9 @@ STEP_SHARES = (1.0, 0.5, 0.25)
 STIFF_DAMPINGS, STIFF_DAMPING_SPREAD = (1.0, 30.0), 2.3
 #: Error over noise of a plain fit with a free camera from which the fit is tried from the file's camera too.
 CAMERA_MISFIT = 2.0
-#: Rounds of noise and fit at the most, and share of the bound of before from which another is not worth it.
-NOISE_ROUNDS, SAME_NOISE = 2, 0.8
+#: Rounds of noise and fit at the most, and share of the bound of before from which another is not worth it; rounds at
+#: the most where fits tell stray readings.
+NOISE_ROUNDS, SAME_NOISE, STRAY_ROUNDS = 2, 0.8, 4
 #: Greatest step of a plain parameter, in plausible distances: a file may be far off.
 FAR = 3.0
 
@@ -313,7 +314,7 @@ def fit_baseline(
     model = _integrated_for(model, prepared, fit, problem)
     disturbed = disturbed_outputs(problem, replace(fit, model=model), seed)
     bound = bound_of(records, fit.outputs, disturbed)
-    for round_ in range(NOISE_ROUNDS):
+    for round_ in range(STRAY_ROUNDS):
         prepared = prepared.without_strays(fit.outputs)
         records = prepared.records
         model = model.on(records)
@@ -331,7 +332,9 @@ def fit_baseline(
             fit = weighted(problem, evaluate(problem, model, known["x"], list(known["states"])))
         # The bound is the tighter the better the fit is.
         before, bound = bound, bound_of(records, fit.outputs, disturbed)
-        if np.all(bound.factors > SAME_NOISE * before.factors):
+        known_noise = round_ + 1 >= NOISE_ROUNDS or bool(np.all(bound.factors > SAME_NOISE * before.factors))
+        # A better fit tells further strays.
+        if known_noise and prepared.without_strays(fit.outputs) is prepared:
             break
         bound = replace(bound, factors=np.minimum(bound.factors, before.factors))
     if stiff and not starts:

@@ -63,20 +63,30 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float 
     return np.asarray(draws * np.hypot(np.maximum(spread, wanted), form))
 
 
-def is_told(trial: Trial, uncertainty: Sequence[tuple[float, float]]) -> bool:
-    """Whether some strength of a set of effects is told from none, by the 95 % interval of each coordinate.
+def is_told(trial: Trial, draws: Array, uncertainty: Sequence[tuple[float, float]]) -> bool:
+    """Whether the strengths of some effect of a set are told from none, at 95 %: one by its interval, or all together.
 
-    What could be nothing, as far as the logs and what else may be missing say, is no name. A set without strengths
-    (lags, dead bands) is.
+    What could be nothing, as far as the logs and what else may be missing say, is no name. Of two strengths that do
+    nearly the same neither may be told, and yet not both be none. A set without strengths (lags, dead bands) is told.
+
+    Args:
+        trial: the set, fitted.
+        draws: what the logs leave open of its coordinates, shape (REPEATS, size).
+        uncertainty: 95 % interval of the value of each coordinate.
     """
-    model = trial.fit.model
-    strengths = []
+    model, x = trial.fit.model, trial.fit.x
+    found = []
     for number, candidate in enumerate(trial.candidates):
         names = {strength.name for strength in candidate.plan.strengths}
         place = model.place(number)
-        own = range(place.start, place.stop)
-        strengths += [uncertainty[k] for k in own if number_of(model.coordinates[k]) in names]
-    return not strengths or any(not low <= 0.0 <= high for low, high in strengths)
+        own = [k for k in range(place.start, place.stop) if number_of(model.coordinates[k]) in names]
+        if own:
+            found.append(any(not low <= 0.0 <= high for low, high in (uncertainty[k] for k in own)))
+        if len(own) > 1:
+            spread = np.cov(draws[:, own], rowvar=False)
+            away = float(x[own] @ np.linalg.pinv(spread, rcond=1e-10, hermitian=True) @ x[own])
+            found.append(away > float(stats.chi2.ppf(0.95, len(own))))
+    return not found or any(found)
 
 
 def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int) -> Array:

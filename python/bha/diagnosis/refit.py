@@ -42,6 +42,8 @@ ITERATIONS, RENEWALS, TOLERANCE = 40, 12, 2e-3
 #: Greatest step of a refit, in plausible distances: of numbers in which the outputs are smooth, and of the shapes of
 #: effects (a wall's place, a yield), where a far step ends in a valley beside.
 GREATEST_STEP, GREATEST_OF_SHAPES = 3.0, 1.0
+#: Cost of a new effect's start over that without it from which it begins with less, and the shares that are tried.
+WORSE, LESS = 1.2, (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,8 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
     expected = np.where((x == 0.0) & (np.arange(len(x)) >= old), 1.0, x)
     model = resolved(model, expected, begin.states, problem.misfit(begin))
     fit = evaluate(problem, model, x, begin.states, begin.trust)
+    if candidate.plan.begin is not None:
+        fit = _gently(given, fit, start, candidate, strengths)
     if not np.isfinite(fit.cost):
         return None
     name = f"added {[c.name for c in candidates]}"
@@ -152,6 +156,27 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
         store(problem, fit, name)
     acting, fit = without_idle(candidates, fit)
     return Trial(acting, fit, given.holdout)
+
+
+def _gently(given: Given, fit: Fit, start: Trial, candidate: Candidate, strengths: Sequence[float]) -> Fit:
+    """``fit``, where a new effect begins with what is expected of it, or with as much less as makes it no worse.
+
+    What is expected holds for little, and together with other plain parameters: a stiff hose alone holds the arm fast.
+    """
+    own = fit.model.place(-1)
+    for share in LESS:
+        if fit.cost <= WORSE * start.fit.cost:
+            break
+        term, values = candidate.term([share * strength for strength in strengths], given.ranges)
+        x = fit.x.copy()
+        x[own] = [
+            ours.coordinate(theirs.value(value))
+            for ours, theirs, value in zip(fit.model.coordinates[own], term.coordinates, values, strict=True)
+        ]
+        fewer = evaluate(given.problem, fit.model, x, fit.states, fit.trust)
+        if fewer.cost < fit.cost or not np.isfinite(fit.cost):
+            fit = fewer
+    return fit
 
 
 def to_its_end(problem: Problem, fit: Fit, tolerance: float = TOLERANCE) -> Fit:

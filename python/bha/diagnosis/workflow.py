@@ -229,7 +229,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     say("intervals and report")
     final = state.best if decision.verdict == "named" else state.plain
     fit, draws, uncertainty = _known(problem, final, signatures, seed)
-    if not is_told(final, uncertainty):
+    if not is_told(replace(final, fit=fit), draws, uncertainty):
         decision = untold(decision, final.label)
         final = state.plain
         fit, draws, uncertainty = _known(problem, final, signatures, seed)

@@ -7,10 +7,11 @@ jumps at one reading of one channel and is home again. That is a stray reading w
 - by many times what residuals do nearby, and what the sensor's noise does;
 - further than the arm goes, as the model has it, from the reading before to the one after: a model that errs in time,
   by a lag, a dead time or its damping, errs by no more than that;
-- in this channel alone: what acts on the arm moves others, too.
+- in this channel alone, or while the arm stands, as the model has it: what acts on the arm moves others, too, and for
+  longer than a reading.
 
 Few strays decide a root mean square: three of 25 mm among 300 readings make 2.5 mm.
-Limits: three strays among seven readings, and such as several channels have at once, count as readings.
+Limits: three strays among seven readings, and such as several channels have at once on the move, count as readings.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ _USUAL, _NOISES, _MOTIONS = 10.0, 10.0, 1.0
 _NEARBY = 41
 #: Part of that by which readings around it may differ and are home, and how many of the six may be away.
 _HOME, _AWAY = 0.3, 2
-#: What other channels may be off at that reading, by those nearby.
-_OTHERS = 6.0
+#: What other channels may be off at that reading, by those nearby, and as a share of what this one is; more only where
+#: the arm moves by no more than this part of what the reading is off.
+_OTHERS, _BESIDE, _STANDS = 6.0, 0.2, 0.25
 #: Fewest readings of a channel, and share of them that may be strays; more is how the sensor is.
 _FEWEST, _MOST = 40, 0.05
 
@@ -81,21 +83,27 @@ def _marked(record: Record, stray: Mask) -> Record:
 def strays(record: Record, shown: Array) -> Mask:
     """Which readings are strays, shape (rows, C)."""
     found = np.zeros(record.usable.shape, dtype=np.bool_)
-    share = np.zeros(found.shape)
+    share: Array = np.zeros(record.measured.shape)
+    stands = np.zeros_like(found)
     for c, good in enumerate((record.usable & np.isfinite(shown)).T):
         rows = np.flatnonzero(good)
         if len(rows) < _FEWEST or record.facts[c].interval <= LONE_INTERVAL:
             continue
         around = _around(record.measured[rows, c] - shown[rows, c])
         off = np.abs(around.off)
-        usual = median_filter(off, _NEARBY, mode="nearest")
+        usual = median_filter(off, _NEARBY, mode="mirror")
         share[rows, c] = off / np.maximum(usual, 1e-15)
         # From the reading before, and to the one after.
-        steps = np.abs(np.diff(shown[rows, c], prepend=shown[rows[0], c], append=shown[rows[-1], c]))
+        steps = np.pad(np.abs(np.diff(shown[rows, c])), 1, mode="edge")
         motion = steps[:-1] + steps[1:]
+        stands[rows, c] = motion < _STANDS * off
         least = np.maximum(np.maximum(_USUAL * usual, _NOISES * record.noise[c]), _MOTIONS * motion)
         found[rows, c] = (off > least) & around.is_home
-    found[np.sum(share > _OTHERS, axis=1) > 1] = False
+    moves = np.any((share > _OTHERS) & ~stands, axis=1)
+    for c in range(share.shape[1]):
+        others = share[:, [k for k in range(share.shape[1]) if k != c]]
+        beside = others > np.maximum(_OTHERS, _BESIDE * share[:, [c]])
+        found[moves & np.any(beside, axis=1), c] = False
     return np.asarray(found & (found.sum(axis=0) <= _MOST * record.usable.sum(axis=0)))
 
 

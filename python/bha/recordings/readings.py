@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import LogError
 from bha.logs import Log
-from bha.recordings import aligned, clock, frozen, pressures, samples
+from bha.recordings import aligned, clock, frozen, pressures, samples, together
 from bha.recordings.doubt import Doubt
 from bha.recordings.outputs import Output, observe
 from bha.recordings.pressures import PressureChoice, PressureSort
@@ -53,7 +53,8 @@ class Readings:
         self.observation, self.measured, self._said = observe(self.arm, self.log, self.name)
         self.time, self.clock = clock.mended(self.log.time, self.measured)
         judged = [samples.judge(self.time, o.name, o.unit, self.measured[:, k]) for k, o in enumerate(self.outputs)]
-        judged = samples.stopped_together(self.time, self.measured, judged)
+        judged = together.stopped_together(self.time, self.measured, judged)
+        judged = together.held_together(self.time, self.measured, judged)
         self.facts: tuple[ChannelFacts, ...] = tuple(fact for fact, _ in judged)
         self.usable: Mask = np.column_stack([m for _, m in judged]) if judged else np.empty(self.measured.shape, bool)
         for array in (self.time, self.measured):

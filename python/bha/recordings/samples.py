@@ -12,7 +12,6 @@ arm does, dropouts of dense readings alone, and only such as end in a jump.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -202,38 +201,6 @@ def with_frozen(facts: ChannelFacts, frozen: tuple[Span, ...]) -> ChannelFacts:
     """The facts with spans in which the channel is frozen; a dropout within one is part of it."""
     outside = [d for d in facts.dropouts if not any(a <= d[0] and d[1] <= b for a, b in frozen)]
     return replace(facts, frozen=frozen, dropouts=tuple(outside))
-
-
-def stopped_together(
-    time: Array, values: Array, judged: Sequence[tuple[ChannelFacts, Mask]]
-) -> list[tuple[ChannelFacts, Mask]]:
-    """The same facts and masks where a coarse channel has stopped together with all others: a logger, no sensor.
-
-    Which rest before belongs to it the others tell: it begins where the last of them changed.
-
-    Args:
-        time: of the rows, s, shape (m,).
-        values: of all channels of a log, shape (m, C).
-        judged: what :func:`judge` says of each.
-    """
-    found = [(facts, mask.copy()) for facts, mask in judged]
-    ends = {end for facts, _ in judged if facts.quantum > 0.0 and not facts.held for _, end in facts.dropouts}
-    for end in sorted(ends):
-        last = int(np.searchsorted(time, end))
-        changed = np.flatnonzero(np.any(np.diff(values[:last], axis=0) != 0.0, axis=1))
-        first = int(changed[-1]) + 1 if len(changed) else 0
-        if time[last] - time[first] <= DROPOUT_SECONDS:
-            continue
-        for k, (facts, mask) in enumerate(found):
-            for start, own in facts.dropouts:
-                if own == end:
-                    mask[(time >= start) & (time <= time[first])] = True
-            mask[~np.isfinite(values[:, k])] = False
-            mask[first + 1 : last] = False
-            kept = [d for d in facts.dropouts if d[1] != end]
-            spans = sorted([*kept, (float(time[min(first + 1, last - 1)]), end)])
-            found[k] = (replace(facts, dropouts=tuple(spans)), mask)
-    return found
 
 
 def standstills(time: Array, table: Array, longer_than: float) -> list[tuple[int, int]]:

@@ -1,0 +1,104 @@
+"""What the channels of a log tell of each other: a logger, or a camera, that has stopped holds all of them at once.
+
+One channel that repeats its reading for a while may do so by chance, or since its grid is coarse; that all do so in the
+same rows, to the last digit, noise does not bring about.
+Limits: channels whose noise is finer than their grid stand still whenever the arm does, and tell nothing of the kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bha.recordings.noise import quiet_noise
+from bha.recordings.samples import COARSE, DROPOUT_SECONDS, QUIET, REPEAT_CHANCE, ChannelFacts
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Judged = tuple[ChannelFacts, Mask]
+
+#: More repeats than this share of the rows are how the log is.
+_MOST = 0.5
+
+
+def stopped_together(time: Array, values: Array, judged: Sequence[Judged]) -> list[Judged]:
+    """The same facts and masks where a coarse channel has stopped together with all others: a logger, no sensor.
+
+    Which rest before belongs to it the others tell: it begins where the last of them changed.
+
+    Args:
+        time: of the rows, s, shape (m,).
+        values: of all channels of a log, shape (m, C).
+        judged: what :func:`judge` says of each.
+    """
+    found = [(facts, mask.copy()) for facts, mask in judged]
+    ends = {end for facts, _ in judged if facts.quantum > 0.0 and not facts.held for _, end in facts.dropouts}
+    for end in sorted(ends):
+        last = int(np.searchsorted(time, end))
+        changed = np.flatnonzero(np.any(np.diff(values[:last], axis=0) != 0.0, axis=1))
+        first = int(changed[-1]) + 1 if len(changed) else 0
+        if time[last] - time[first] <= DROPOUT_SECONDS:
+            continue
+        for k, (facts, mask) in enumerate(found):
+            for start, own in facts.dropouts:
+                if own == end:
+                    mask[(time >= start) & (time <= time[first])] = True
+            mask[~np.isfinite(values[:, k])] = False
+            mask[first + 1 : last] = False
+            kept = [d for d in facts.dropouts if d[1] != end]
+            spans = sorted([*kept, (float(time[min(first + 1, last - 1)]), end)])
+            found[k] = (replace(facts, dropouts=tuple(spans)), mask)
+    return found
+
+
+def held_together(time: Array, values: Array, judged: Sequence[Judged]) -> list[Judged]:
+    """The same where fine channels repeat themselves in the same rows, more often than noise does by chance.
+
+    How often one repeats itself by chance is counted in the rows in which others do not.
+
+    Args:
+        time: of the rows, s, shape (m,).
+        values: of all channels of a log, shape (m, C).
+        judged: what :func:`bha.recordings.samples.judge` says of each.
+    """
+    fine = np.array([_is_fine(facts, column) for (facts, _), column in zip(judged, values.T, strict=True)], np.bool_)
+    if np.count_nonzero(fine) < 2:
+        return list(judged)
+    repeats = np.diff(values, axis=0) == 0.0
+    all_at_once = np.all(repeats, axis=1)
+    apart = ~all_at_once
+    if np.mean(all_at_once) > _MOST:
+        return list(judged)
+    chance = (1.0 + np.sum(repeats[apart][:, fine], axis=0)) / (1.0 + np.sum(apart))
+    needed = np.log(REPEAT_CHANCE / len(time)) / float(np.sum(np.log(np.minimum(chance, 1.0 - 1e-9))))
+    edges = np.concatenate([[0], np.flatnonzero(apart) + 1, [len(time)]])
+    spans = [
+        (int(first), int(last))
+        for first, last in pairwise(edges)
+        if last - first - 1 >= max(1.0, needed) and time[min(last, len(time) - 1)] - time[first] > DROPOUT_SECONDS
+    ]
+    if not spans:
+        return list(judged)
+    found = []
+    for facts, mask in judged:
+        usable, dropouts = mask.copy(), list(facts.dropouts)
+        for first, last in spans:
+            # The first reading counts, its repeats do not.
+            usable[first + 1 : last] = False
+            start, end = float(time[first + 1]), float(time[min(last, len(time) - 1)])
+            if not any(a <= end and start <= b for a, b in dropouts):
+                dropouts.append((start, end))
+        found.append((replace(facts, dropouts=tuple(sorted(dropouts))), usable))
+    return found
+
+
+def _is_fine(facts: ChannelFacts, values: Array) -> bool:
+    """Whether a channel has noise that its grid shows, even where the arm stands."""
+    known = values[np.isfinite(values)]
+    if facts.held or facts.filled or not len(known):
+        return False
+    return quiet_noise(known) >= max(facts.quantum / COARSE, QUIET * float(np.ptp(known)), 1e-300)
