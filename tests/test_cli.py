@@ -116,6 +116,14 @@ def test_simulate_draws(tmp_path: Path) -> None:
     assert {p.name for p in tmp_path.glob("*.png")} == {"log_trajectory.png", "log_shape.png"}
 
 
+def test_without_a_reading_to_compare_with_no_table_of_nothing_is_shown(tmp_path: Path) -> None:
+    rows = ["0," + row.split(",", 1)[1] + ",0.3" for row in ROWS]
+    result = run("simulate", "bha_nominal", "--input", log(tmp_path, rows, f"{HEADER},q11 [m]"))
+    assert result.exit_code == 0, result.output
+    assert "nothing is compared" in result.output
+    assert "nan" not in result.output
+
+
 def test_errors_against_measured_heads_are_root_mean_squares(tmp_path: Path) -> None:
     arm = bha.robots.load("bha_nominal")
     source = bha.Log.read(log(tmp_path))

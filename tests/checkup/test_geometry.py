@@ -39,7 +39,13 @@ def test_another_unit_is_a_fault_with_the_line_to_write(change: dict[str, Any], 
 
 @pytest.mark.parametrize(
     "change",
-    [{"mass": 0.75e-3}, {"terminal_area": 2.6e-7}, {"stiffness": [1.3]}, {"gravity": [0.0, 0.0, 98.1]}],
+    [
+        {"mass": 0.75e-3},
+        {"terminal_area": 2.6e-7},
+        {"stiffness": [1.3]},
+        {"stiffness": [0.0]},
+        {"gravity": [0.0, 0.0, 98.1]},
+    ],
 )
 def test_numbers_that_do_not_go_together_are_warnings(change: dict[str, Any]) -> None:
     mapping = nominal(1)

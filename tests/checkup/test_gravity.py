@@ -38,13 +38,28 @@ def column(**other: object) -> bha.Arm:
 
 
 def test_what_a_rest_length_explains_as_well_is_no_gravity() -> None:
-    """A column that hangs or stands: twice its weight stretches it by what a tape measure is wrong by."""
+    """A column that hangs, longer than a tape measure said: as much as its weight reversed would shorten it."""
     arm = column()
-    log = log_of(arm.with_changes(gravity=[0.0, 0.0, -9.81]), *steps(arm), see="lengths")
-    found = bha.check(arm, log)
+    found = bha.check(column(rest_length=0.286), log_of(arm, *steps(arm), see="lengths"))
     assert found.faults == ()
     assert any("sign of gravity" in text for text in found.untold)
-    assert bha.check(column(rest_length=0.286), log_of(arm, *steps(arm), see="lengths")).faults == ()
+
+
+@pytest.mark.parametrize(
+    "pull",
+    [
+        {"kind": "tool_drag", "where": "section 1", "stiffness": 15.0, "anchor_x": -0.3, "anchor_z": 0.3},
+        {"kind": "weak_bellows", "where": "bellows 11", "change": -0.4},
+        {"kind": "pressure_offset", "where": "input p12", "offset": 8e3},
+    ],
+    ids=["hose", "weak bellows", "pressure"],
+)
+@pytest.mark.parametrize("gravity", [[9.81, 0.0, 0.0], [0.0, 0.0, 9.81]], ids=["lies", "hangs"])
+def test_physics_that_pulls_the_arm_is_no_gravity(pull: dict[str, object], gravity: list[float]) -> None:
+    """A hose that holds an arm up, a bellows that gives way: as strong as its weight, and another force than it."""
+    arm = column().with_changes(gravity=gravity)
+    found = bha.check(arm, log_of(arm.with_effects([pull]), *steps(arm), see="lengths"))
+    assert [f for f in found.findings if f.kind == "gravity"] == [], str(found)
 
 
 def test_an_arm_that_lies_sags_the_other_way() -> None:

@@ -243,9 +243,14 @@ def test_all_recordings_of_a_call_have_one_sort_of_pressures() -> None:
 
 
 @pytest.mark.parametrize(
-    ("apart", "measured", "doubted"), [(1e4, False, True), (60.0, False, False), (10.0, True, True)]
+    ("apart", "measured", "doubted"),
+    [(1e4, False, True), (60.0, False, False), (10.0, True, True), (1e-7, True, True), (1e-4, True, False)],
 )
 def test_times_that_cannot_be_seconds_are_doubted(apart: float, measured: bool, doubted: bool) -> None:
     facts = clock.mended(apart * np.arange(50.0))[1]
     text = clock.doubt(facts, 0.0, measured=measured)
     assert (text is not None and "another unit" in text) is doubted
+
+
+def test_rows_that_are_all_at_one_time_are_doubted() -> None:
+    assert "all 50 rows are at 3 s" in (clock.doubt(clock.mended(np.full(50, 3.0))[1], 3.0, measured=True) or "")

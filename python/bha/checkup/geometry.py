@@ -127,6 +127,11 @@ def _proportions(section: SectionParameters, number: int) -> Iterator[Finding]:
     if share > 3.0 or share < 1e-4:
         what = f"{place}: terminal_area is {share:.3g} times the area of the whole section"
         yield _finding("warning", what, "plausible: 1e-4 to 3 times", "check the unit of terminal_area (m^2)")
+    if not any(k > 0.0 for k in (section.stiffness[0], *(section.axial_stiffness or ())[:1])):
+        what = (
+            f"{place}: stiffness begins with {section.stiffness[0]:g} N/m: no spring holds its bellows at rest_length"
+        )
+        yield _finding("warning", what, "arms have a first coefficient above 0", "check the sign of stiffness (N/m)")
     low, high = section.pressure_range
     stroke = section.terminal_area * (high - low) / section.stiffness[0] if section.stiffness[0] > 0.0 else np.nan
     span = section.length_range[1] - section.length_range[0]

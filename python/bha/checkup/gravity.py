@@ -2,23 +2,28 @@
 
 Two kinds of evidence. Poses: an arm with gravity as in the file and one with it reversed are each fitted to the poses
 that the pressures hold (:mod:`bha.checkup.held`); numbers of the file that are wrong by what the weight does twice then
-explain as much as they can. Carrying over: the weight of an outer section that bends aside bends the inner ones too,
-back in an arm that hangs, further in one that stands; the bending of the inner sections under the outer ones' pressures
-therefore has another sign, whatever the rest lengths are.
+explain as much as they can. A weight acts on all sections at once, in one direction, and as large as a scale says. What
+pulls an arm otherwise (a hose, a softer bellows) is physics and no fault: where the file with such physics explains as
+much as gravity reversed does without it, nothing is said (:mod:`bha.checkup.rivals`).
+Carrying over: the weight of an outer section that bends aside bends the inner ones too, back in an arm that hangs,
+further in one that stands; the bending of the inner sections under the outer ones' pressures therefore has another
+sign, whatever the rest lengths are. A spring between sections does the same.
 Limits: arms of one section that hang or stand are hardly told; arms that are stiff for their weight do not tell.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bha.checkup.finding import Explanation, Finding, Severity
-from bha.checkup.held import held_fit, sure_gain
+from bha.checkup.held import finds, gain, held_fit, sure_gain, weighs_as_filed
 from bha.checkup.mend import Mend
+from bha.checkup.rivals import best_rival
 from bha.checkup.wiring import LEAST_BALANCE, Evidence, Key, balance, explained
 from bha.errors import BhaError
 
@@ -29,20 +34,84 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: How much less poses must leave with gravity reversed (:func:`bha.checkup.held.gain`): for a fault, for a doubt, and
-#: for a doubt together with what is carried over. A real arm's poses, missed by hundreds of times the noise because it
-#: creeps and sticks, gain up to 0.13 by a sign that is none; where the sign is told, arms gain 1 and more
-#: (docs/decisions/0013).
-HELD, HELD_SOME, HELD_LITTLE = 0.5, 0.12, 0.05
+#: How much less poses must leave with gravity reversed (:func:`bha.checkup.held.gain`) than with the file as it is, and
+#: than with the best physics of few numbers beside it. Where it is ``MUCH`` less, that physics need only not be clearly
+#: better; where it is ``SOME``, that is a doubt. Table: docs/decisions/0013.
+HELD, BEYOND, NOT_BEHIND, MUCH, SOME = 0.05, 0.03, 0.1, 0.5, 0.12
 #: Logarithm of how many times less the bending leaves unexplained with gravity reversed (product over the sections),
-#: alone and together with the poses, and what it is not expected to leave below.
-CARRIED, CARRIED_LITTLE, CARRIED_FLOOR = 0.4, 0.2, 0.003
+#: and what it is not expected to leave below.
+CARRIED, CARRIED_FLOOR = 0.4, 0.003
 #: Share of a section's bending that its own chambers must explain for this.
 LEAST_FOLLOWED = 0.5
 #: Correlation of two sections' drives from which on they count as driven in step.
 DRIVEN_ALIKE = 0.7
 #: Change of pressure over which the model's response is taken, Pa.
 _STEP = 2e3
+
+
+@dataclass(frozen=True)
+class Signs:
+    """What an arm with gravity reversed explains beyond that of the file: logarithms, see above.
+
+    Attributes:
+        held: how many times less it leaves of the poses.
+        beyond: how many times less than the file with physics of few numbers; 0 where ``held`` says nothing.
+        carried: how many times less of what outer sections bend the inner ones.
+        weighs: whether it has found the poses, and with about the weight that the file says.
+    """
+
+    held: float
+    beyond: float
+    carried: float
+    weighs: bool
+
+    @property
+    def by_poses(self) -> bool:
+        """Whether the poses say that gravity is reversed."""
+        clear = self.beyond > BEYOND or (self.held > MUCH and self.beyond > -NOT_BEHIND)
+        return self.weighs and clear and self.held > HELD and self.carried > -CARRIED
+
+    @property
+    def by_carrying(self) -> bool:
+        """Whether what is carried over says so; it counts where the poses are not against it."""
+        return self.carried > CARRIED and not self.held < -HELD and not self.beyond < -BEYOND
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the poses would say so, were there no physics that explains them as well."""
+        return self.weighs and self.held > SOME and self.beyond > -NOT_BEHIND and self.carried > -CARRIED
+
+    @property
+    def as_filed(self) -> bool:
+        """Whether the sign is told, and is that of the file."""
+        return self.carried < -CARRIED or self.held < -HELD
+
+    def evidence(self) -> str:
+        """The numbers as a sentence."""
+        said = []
+        if self.by_carrying:
+            said.append(
+                "what outer sections bend the inner ones by their weight has the other sign: with gravity reversed "
+                f"{np.exp(self.carried):.2g} times less of the bending is unexplained"
+            )
+        if self.by_poses or self.doubted:
+            beside = np.exp(abs(self.beyond))
+            said.append(
+                f"with gravity reversed poses are missed by {np.exp(self.held):.3g} times less, each way with the "
+                "masses, stiffnesses and rest lengths that suit it best; springs, gains or offsets of single chambers "
+                f"beside the file miss them by {beside:.3g} times {'more' if self.beyond > 0.0 else 'less'} than that"
+            )
+        return "; ".join(said)
+
+
+def signs(arm: Arm, made: Sequence[Recording], pressures: Array, found: Evidence, filed: Statics | None) -> Signs:
+    """Compare both signs of gravity; arguments as of :func:`gravity_findings`."""
+    other_arm = arm.with_changes(gravity=[float(-g) for g in arm.parameters.gravity])
+    other = held_fit(other_arm, made)
+    held = sure_gain(arm, made, filed, other, HELD)
+    beyond = gain(best_rival(arm, made, filed, other), other) if held > HELD else 0.0
+    weighs = other is not None and finds(made, other) and weighs_as_filed(other)
+    return Signs(held, beyond, carried_over(arm, other_arm, found, pressures), weighs)
 
 
 def gravity_findings(
@@ -61,43 +130,29 @@ def gravity_findings(
     gravity = np.asarray(arm.parameters.gravity)
     if not np.any(gravity):
         return [], True
-    other_arm = arm.with_changes(gravity=[float(-g) for g in gravity])
-    held = sure_gain(arm, made, filed, held_fit(other_arm, made), HELD_LITTLE)
-    carried = carried_over(arm, other_arm, found, pressures)
-    by_poses = held > HELD
-    # What is carried over counts where the poses are not against it, and the less it need be the more they are for it.
-    by_carrying = carried > CARRIED and not held < -HELD_LITTLE
-    both = carried > CARRIED_LITTLE and held > HELD_LITTLE
-    # Poses against what is carried over: then something else is wrong.
-    if not (by_carrying or both or (held > HELD_SOME and carried > -CARRIED)):
-        return [], carried < -CARRIED or held < -HELD_LITTLE
-    said = []
-    if by_carrying or both:
-        said.append(
-            "what outer sections bend the inner ones by their weight has the other sign: with gravity reversed "
-            f"{np.exp(carried):.2g} times less of the bending is unexplained"
-        )
-    if held > HELD_SOME or both:
-        said.append(
-            f"with gravity reversed poses are missed by {np.exp(held):.2g} times less, each way with the masses, "
-            "stiffnesses and rest lengths that suit it best"
-        )
+    told = signs(arm, made, pressures, found, filed)
+    if told.by_carrying:
+        headline = "the arm moves as if gravity were reversed"
+    elif told.by_poses:
+        headline = "the arm rests as if gravity were reversed"
+    elif told.doubted:
+        headline = "the arm rests a little as if gravity were reversed"
+    else:
+        return [], told.as_filed
+    severity: Severity = "fault" if told.by_carrying or told.by_poses else "warning"
     line = "gravity = [" + ", ".join(f"{-g + 0.0:g}" for g in gravity) + "]"
     what = "gravity points the other way: the arm hangs where the file lets it stand, or the reverse"
-    explanation = Explanation(what, line, Mend(arm={"gravity": [-float(g) + 0.0 for g in gravity]}))
+    explanations = [Explanation(what, line, Mend(arm={"gravity": [-float(g) + 0.0 for g in gravity]}))]
+    if not told.by_carrying and np.hypot(*gravity[:2]) > 0.5 * np.linalg.norm(gravity):
+        # Of an arm that lies, a force at its tip and its weight are hardly two things.
+        held_up = "a hose or a cord holds the arm up with about twice its weight"
+        explanations.append(Explanation(held_up, "nothing in the file: a log without it"))
     split = (
         "look at how the arm is mounted: the file's z axis runs along the straight arm, gravity = [0, 0, 9.81] hangs"
     )
-    headline = (
-        "the arm moves as if gravity were reversed" if by_carrying else "the arm rests as if gravity were reversed"
-    )
-    numbers = {"held": held, "carried": carried}
-    # A little of each is what sections that are coupled leave too: that is a doubt and no fault.
-    sure = by_carrying or (by_poses and carried > -CARRIED)
-    severity: Severity = "fault" if sure else "warning"
-    if not sure:
-        headline = "the arm rests a little as if gravity were reversed"
-    return [Finding(severity, "gravity", where, headline, "; ".join(said), numbers, (explanation,), (split,))], True
+    numbers = {"held": told.held, "beyond": told.beyond, "carried": told.carried}
+    finding = Finding(severity, "gravity", where, headline, told.evidence(), numbers, tuple(explanations), (split,))
+    return [finding], True
 
 
 def carried_over(arm: Arm, other: Arm, found: Evidence, pressures: Array) -> float:

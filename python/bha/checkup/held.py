@@ -10,16 +10,17 @@ Limits: swings count as errors of both alike. Sections of more than ``MOST_SECTI
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bha.errors import BhaError
 from bha.estimation.free import FreeParameter, resolve
-from bha.estimation.records import record
-from bha.estimation.scale import REST_LENGTH, default_free_of
+from bha.estimation.records import Record, record
+from bha.estimation.scale import AREA, REST_LENGTH, default_free_of
 from bha.estimation.statics import Statics, near_statics
+from bha.parameters import paths
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -27,8 +28,12 @@ if TYPE_CHECKING:
 
 #: Arms of more sections than this are not fitted: they take too long.
 MOST_SECTIONS = 6
+#: Standard deviation of the logarithm of a mass and of an area, and the factor either way that none is off by. What a
+#: section weighs against what its pressures push must stay what a scale and a tape measure say: a mass that may be
+#: anything makes of a force of any kind a weight, upside down or not.
+WEIGHED = {"mass": (0.3, 2.0), "terminal_area": (AREA, 4.0)}
 #: Share of the outputs' motion that a fit may leave which has found the poses of an arm.
-FOUND = 0.3
+FOUND = 0.25
 
 
 def held_fit(
@@ -46,16 +51,28 @@ def held_fit(
         return None
     try:
         records = [record(arm, one) for one in made]
-        free = (*default_free_of(arm.parameters, records), *more)
-        names = {parameter.path for parameter in free}
-        lengths = [
-            FreeParameter(path, prior=(section.rest_length, REST_LENGTH * section.rest_length))
-            for number, section in enumerate(arm.parameters.sections, start=1)
-            if (path := f"section.{number}.rest_length") not in names
-        ]
-        return near_statics(arm.parameters, resolve(arm.parameters, (*free, *lengths)), records, start)
+        free = (*_plain(arm, records), *more)
+        return near_statics(arm.parameters, resolve(arm.parameters, free), records, start)
     except BhaError:
         return None  # too few rows, numbers that no arm has: nothing is told
+
+
+def _plain(arm: Arm, records: Sequence[Record]) -> Iterator[FreeParameter]:
+    """What a file may have wrong without a fault; weights as far as a scale and a tape measure go (:data:`WEIGHED`)."""
+    names = set()
+    for free in default_free_of(arm.parameters, records):
+        names.add(free.path)
+        key = paths.key_of(free.path)
+        if key in WEIGHED:
+            value, (deviation, factor) = paths.get_value(arm.parameters, free.path), WEIGHED[key]
+            prior = (value, deviation * value)
+            yield FreeParameter(free.path, lower=value / factor, upper=value * factor, prior=prior)
+        else:
+            yield free
+    for number, section in enumerate(arm.parameters.sections, start=1):
+        path = f"section.{number}.rest_length"
+        if path not in names:
+            yield FreeParameter(path, prior=(section.rest_length, REST_LENGTH * section.rest_length))
 
 
 def gain(filed: Statics | None, other: Statics | None) -> float:
@@ -65,20 +82,41 @@ def gain(filed: Statics | None, other: Statics | None) -> float:
     return (filed.merit - other.merit) / filed.channels
 
 
-def sure_gain(arm: Arm, made: Sequence[Recording], filed: Statics | None, other: Statics | None, least: float) -> float:
-    """The same, but where it exceeds ``least`` the file's arm is fitted from the numbers of ``other``, too.
+def surely(arm: Arm, made: Sequence[Recording], filed: Statics | None, other: Statics | None) -> Statics | None:
+    """The better one of the fits of the file's arm, ``filed`` and one that begins at the numbers of ``other``.
 
-    A search that ended in a valley of its own is no evidence. Neither is one that leaves more than the outputs moved,
-    as it has found no poses of the arm, unless ``other`` does find them (NaN then).
+    A search that ended in a valley of its own is no evidence.
+    """
+    fits = [fit for fit in (filed, held_fit(arm, made, (), other)) if fit is not None]
+    return min(fits, key=lambda fit: fit.merit, default=None)
+
+
+def sure_gain(arm: Arm, made: Sequence[Recording], filed: Statics | None, other: Statics | None, least: float) -> float:
+    """The gain, where it exceeds ``least`` that over the better fit of the file's arm (:func:`surely`).
+
+    NaN where the file's arm leaves more than the outputs moved, as it has found no poses of the arm, unless ``other``
+    does find them.
     """
     found = gain(filed, other)
     if not found > least:
         return found
-    again = held_fit(arm, made, (), other)
-    found = min(found, gain(again, other))
-    best, moved = min((fit.spread for fit in (filed, again) if fit is not None), default=math.inf), motion(made)
-    lost = best > moved and (other is None or other.spread > FOUND * moved)
-    return math.nan if lost else found
+    best = surely(arm, made, filed, other)
+    lost = best is not None and best.spread > motion(made) and not (other is not None and finds(made, other))
+    return math.nan if lost else gain(best, other)
+
+
+def finds(made: Sequence[Recording], fit: Statics) -> bool:
+    """Whether a fit has found the poses of logs: it leaves a small part of their motion."""
+    return fit.spread <= FOUND * motion(made)
+
+
+def weighs_as_filed(fit: Statics) -> bool:
+    """Whether all masses and areas stay within what a file may have wrong: another one stands in for another force."""
+    return not any(
+        coordinate.at_bound(float(z))
+        for coordinate, z in zip(fit.coordinates, fit.z, strict=True)
+        if paths.key_of(coordinate.path) in WEIGHED
+    )
 
 
 def motion(made: Sequence[Recording]) -> float:

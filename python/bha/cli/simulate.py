@@ -235,6 +235,9 @@ def _report(
 def _print_errors(errors: OutputErrors) -> None:
     """A table of the outputs: lengths and axes of heads in mm, orientations in degrees."""
     rms = errors.root_mean_square
+    if not np.isfinite(rms).any():
+        say("nothing is compared: no reading of an output lies within the times that were simulated")
+        return
     shown = table("Output", "RMS", "Greatest", "Unit", "Where", title="Error, simulated minus measured")
     for output, value, greatest in zip(errors.recording.outputs, rms, errors.greatest, strict=True):
         # A component of a quaternion is half an angle.

@@ -38,8 +38,8 @@ STATIC_KEYS = frozenset(
         "ambient_pressure", "camera_position", "camera_rotation", "offset", "angle",
     }
 )  # fmt: skip
-#: The same of effects: gains and offsets of pressures or of what is seen, and areas.
-_STATIC_EFFECT_KEYS = frozenset({"gain", "offset", "by_length", "by_pressure"})
+#: The same of effects: gains and offsets of pressures or of what is seen, areas, springs of single bellows.
+_STATIC_EFFECT_KEYS = frozenset({"gain", "offset", "by_length", "by_pressure", "change"})
 #: The net: factors on stiffness, on A/k, on k_bend/k and, where it is free, on K/k of an axial stiffness K.
 _STIFFNESS_FACTORS = (1 / 30, 1 / 10, 1 / 3, 1.0, 3.0, 10.0, 30.0)
 _AREA_FACTORS = (1 / 9, 1 / 3, 1.0, 3.0, 9.0)

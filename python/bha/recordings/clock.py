@@ -30,8 +30,8 @@ _SCATTER, _FARTHEST = 0.03, 0.75
 #: Even times are right if by stamps readings are missed by this many times as much, in mean square.
 _SMOOTHER = 1.2
 #: Rows of outputs, or of commands alone, further apart than this, or a first row beyond this time, s, are doubted: the
-#: year 5138 by the clock of 1970.
-SLOW, SLOW_COMMANDS, FAR = 5.0, 300.0, 1e11
+#: year 5138 by the clock of 1970. So are rows closer together than any logger's of an arm.
+SLOW, SLOW_COMMANDS, FAR, FAST = 5.0, 300.0, 1e11, 1e-5
 #: A gap is this many usual intervals long.
 _GAP = 10.0
 
@@ -86,13 +86,18 @@ def later(time: Array) -> NDArray[np.bool_]:
 
 
 def doubt(facts: ClockFacts, first: float, *, measured: bool) -> str | None:
-    """A text where times cannot well be seconds: rows of a log in ms or us under ``t [s]``."""
+    """A text where times cannot well be seconds: rows of a log in ms or us under ``t [s]``, or in hours."""
+    if facts.rows < 3:
+        return None
+    if facts.interval == 0.0:
+        return f"all {facts.rows} rows are at {first:.6g} s: nothing moves in no time; write the time of each row"
     # A log of commands alone may have a row at each change only.
     slow = facts.interval >= (SLOW if measured else SLOW_COMMANDS)
-    if facts.rows < 3 or not (slow or abs(first) >= FAR):
+    if not (slow or facts.interval < FAST or abs(first) >= FAR):
         return None
     apart = f"rows are {facts.interval:.4g} s apart and begin at {first:.6g} s"
-    return f"{apart}: is the time in another unit? Then write it in the heading, as in 't [ms]'"
+    unit = "min" if facts.interval < FAST else "ms"
+    return f"{apart}: is the time in another unit? Then write it in the heading, as in 't [{unit}]'"
 
 
 def _tick(time: Array) -> float:

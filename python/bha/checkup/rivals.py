@@ -1,0 +1,73 @@
+"""Physics of few numbers that acts on held poses: what a fault of the setup has to be told from.
+
+A hose, a wall, a softer bellows, a chamber that gets less pressure pull an arm where a wrong line of its file would
+have it. Each family here is such physics with a number a chamber, none of which knows how large the weight is:
+
+- forces that stay: an offset of each input's pressure, which is a preload of its section in every direction;
+- forces in proportion to pressure: a gain of each input;
+- springs: each bellows softer or stiffer than its neighbours, a force in proportion to how far the arm is bent.
+
+A fault has no number of its own. It is believed where it explains more of the poses than the file does with any of
+these families, and the plain numbers, free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bha.checkup.held import held_fit
+from bha.estimation.free import FreeParameter
+from bha.parameters import Place
+
+if TYPE_CHECKING:
+    from bha.arm import Arm
+    from bha.estimation.statics import Statics
+    from bha.parameters import EffectParameters
+    from bha.recordings import Recording
+
+#: Standard deviations of a gain, of the change of a bellows' spring, and of an offset in ranges of pressure.
+GAIN, SPRING, OFFSET = 0.2, 0.25, 0.1
+
+
+def best_rival(arm: Arm, made: Sequence[Recording], *starts: Statics | None) -> Statics | None:
+    """The file's arm with the family that leaves least of the poses; None where none holds any.
+
+    Args:
+        arm: the arm of the file.
+        made: the logs.
+        starts: fits at which the searches begin, one after the other; one that ends in a valley of its own is no
+            evidence.
+    """
+    found = [
+        fit
+        for rival, free in _rivals(arm)
+        for start in starts
+        if start is not None and (fit := held_fit(rival, made, free, start)) is not None
+    ]
+    return min(found, key=lambda fit: fit.merit, default=None)
+
+
+def _rivals(arm: Arm) -> Iterator[tuple[Arm, list[FreeParameter]]]:
+    """The arm with each family of effects, all of nothing, and their numbers."""
+    sections = arm.parameters.sections
+    fed = [[bellows.input for bellows in section.resolved_bellows(k)] for k, section in enumerate(sections, start=1)]
+    inputs, bellows = (tuple(map(str, Place().parts(sort, fed))) for sort in ("input", "bellows"))
+    span = float(np.mean([np.ptp(section.pressure_range) for section in sections]))
+    for kind, places, key, spread, low, high in (
+        ("pressure_offset", inputs, "offset", OFFSET * span, -span, span),
+        ("pressure_gain", inputs, "gain", GAIN, -0.9, 2.0),
+        ("weak_bellows", bellows, "change", SPRING, -0.9, 2.0),
+    ):
+        own = arm.parameters.effects
+        effects: list[EffectParameters | Mapping[str, Any]]
+        effects = [*own, *({"kind": kind, "where": place, key: 0.0} for place in places)]
+        free = [
+            FreeParameter(
+                f"effect.{k}.{key}", lower=low, upper=high, prior=(0.0, spread), logarithmic=False, scale=spread
+            )
+            for k in range(len(own) + 1, len(effects) + 1)
+        ]
+        yield arm.with_effects(effects), free
