@@ -111,7 +111,8 @@ def simulate_batch(
             again, not a copy, where members share an input.
         x0: initial lengths and rates, shape (6n,) or (members, 6n), m and m/s; at rest under the pressures at the start
             if None: of a log that begins at rest an arm with the effect ``preload`` takes what held it there, as by
-            :func:`bha.simulate`.
+            :func:`bha.simulate`. Given, and with a later ``start``, pressures that lag begin as the input before has
+            led to, but behind valves and chambers (``full``).
         times: times of the rows, s, on the clock of the input, shape (rows,) or (members, rows), ascending; NaN at a
             row's end where a member has fewer. The samples of the first input from the start on if None.
         start: when the members start, s, a number or (members,); the first sample of the input if None.

@@ -74,6 +74,12 @@ impl<T: Real> Drives<T> {
         self.each.iter().map(|d| d.input.next_bend(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
     }
 
+    /// The first sample of all of them, s.
+    pub fn first_sample(&self) -> f64 {
+        // On its own clock an input begins at 0.
+        self.each.iter().map(|d| -d.offset).fold(f64::INFINITY, f64::min)
+    }
+
     /// The first one's caller's clock minus the plant's, s.
     pub fn callers_clock(&self) -> f64 {
         self.each[0].offset + self.each[0].input.origin()

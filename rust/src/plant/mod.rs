@@ -15,7 +15,7 @@ use crate::effects::kinds::pressure_lag::PressureLag;
 use crate::effects::pressures::{PressureChain, Sort, has_memory, has_readings};
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
-use crate::effects::{self, poses};
+use crate::effects::{self, Effect, poses};
 use crate::forces::External;
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
@@ -59,6 +59,8 @@ pub struct Plant<T = f64> {
     readings: bool,
     sensors: Option<Sensors<T>>,
     begun: bool,
+    /// Whether what the inputs say before the run has been on its way when that begins.
+    preceded: bool,
 }
 
 impl<T: Real> Plant<T> {
@@ -90,14 +92,25 @@ impl<T: Real> Plant<T> {
             readings: false,
             sensors: None,
             begun: false,
+            preceded: false,
         }
     }
 
+    /// The same plant, whose run begins in the middle of its inputs: pressures that lag behind are at first what the inputs
+    /// before have led to, from their first samples on, at which they were at rest. Not so behind valves and chambers
+    /// (`full`), which depend on how the arm moved.
+    pub fn preceded(self) -> Self {
+        Self { preceded: true, ..self }
+    }
+
     /// The same plant with the arm's pneumatics, at rest at lengths `q` under the commands of time `t`: pressures are
-    /// commands.
+    /// commands. A lag that is [`Plant::preceded`] has them as these were.
     pub fn with_pneumatics(mut self, t: f64, q: &[T]) -> Self {
         let mut p = vec![T::zero(); self.arm.body.inputs];
         self.commands_into(t, false, &mut p);
+        if self.preceded && self.arm.pneumatics.is_some() && self.is_lagged() {
+            self.lagged_into(t, &mut p);
+        }
         let arm = &self.arm;
         self.chambers = arm.pneumatics.as_ref().map(|x| Chambers::new(x, &arm.body, q, &p));
         if self.chambers.is_some() {
@@ -132,6 +145,35 @@ impl<T: Real> Plant<T> {
         lagged.map(|p| PressureLag::of_all(p.fill_time, p.vent_time, self.arm.body.inputs))
     }
 
+    /// Pressures behind the lag at `t` as the inputs have led to them, into `out`.
+    fn lagged_into(&mut self, t: f64, out: &mut [T]) {
+        let Some(p) = &self.arm.pneumatics else { return };
+        let lag = PressureLag::of_all(p.fill_time, p.vent_time, self.arm.body.inputs);
+        let (mut from, mut to) = (out.to_vec(), out.to_vec());
+        let mut now = self.drives.first_sample().min(t);
+        self.drives.pressures(now, false, out);
+        while now < t {
+            let next = self.drives.next_jump(now).min(self.drives.next_bend(now)).min(t);
+            self.drives.pressures(now, false, &mut from);
+            self.drives.pressures(next, true, &mut to);
+            lag.pressures(T::from_f64(next - now), &from, out, &mut to);
+            out.copy_from_slice(&to);
+            now = next;
+        }
+    }
+
+    /// The chain over what the inputs say from `since`, where it stands, to `t`.
+    fn follow(&mut self, since: f64, t: f64) {
+        let Some(chain) = &mut self.chain else { return };
+        let mut now = since;
+        while now < t {
+            let next = self.drives.next_jump(now).min(chain.next_jump(&self.drives, now)).min(t);
+            chain.begin_step(&self.arm.effects, &mut self.drives, now, next);
+            chain.end_step(&self.arm.effects, &mut self.drives, next);
+            now = next;
+        }
+    }
+
     /// Commands `p` from now on, in place of the inputs' pressures.
     #[inline(always)]
     pub fn hold(&mut self, p: &[T]) {
@@ -159,16 +201,19 @@ impl<T: Real> Plant<T> {
         self.sensors.is_some()
     }
 
-    /// The run begins at (`t`, `x`), with the effects' hidden states at rest. The first step calls it if nobody did.
+    /// The run begins at (`t`, `x`), with the effects' hidden states at rest, but for pressures that are
+    /// [`Plant::preceded`]. The first step calls it if nobody did.
     pub fn begin(&mut self, t: f64, x: &[T]) {
         self.begun = true;
         self.read.0 = f64::NAN;
         let remembers = has_memory(&self.arm.effects);
+        let since = if self.preceded { self.drives.first_sample().min(t) } else { t };
         if let (None, Some(lag)) = (&self.held, self.lag()) {
             let (effects, inputs) = (&self.arm.effects, self.arm.body.inputs);
             let sort = if remembers { Sort::All } else { Sort::Remembering };
-            self.chain = PressureChain::behind_commands((effects, sort), inputs, lag, &mut self.drives, t);
             self.readings = !remembers && has_readings(effects);
+            self.chain = PressureChain::behind_commands((effects, sort), inputs, lag, &mut self.drives, since);
+            self.follow(since, t);
         } else if self.chambers.is_some() || self.held.is_some() {
             let (q, mut p) = (&x[..x.len() / 2], self.pressures.clone());
             match (&mut self.chambers, &self.arm.pneumatics) {
@@ -189,7 +234,8 @@ impl<T: Real> Plant<T> {
             }
         } else {
             let effects = (&self.arm.effects, Sort::All);
-            self.chain = PressureChain::new(effects, self.arm.body.inputs, &mut self.drives, t);
+            self.chain = PressureChain::new(effects, self.arm.body.inputs, &mut self.drives, since);
+            self.follow(since, t);
         }
         self.sensors = Sensors::new(&self.arm.effects, t, x);
     }

@@ -52,6 +52,7 @@ pub struct Rows {
 
 impl Simulation {
     /// The arm at time `start` with lengths `q` and rates `qd`: at rest under the first pressures and forces if not given.
+    /// Where lengths are given, what the input says before `start` counts for pressures that lag ([`Plant::preceded`]).
     ///
     /// # Errors
     /// [`Error::Input`] for sizes that do not fit, [`Error::Convergence`] if there is no rest to start from.
@@ -68,7 +69,9 @@ impl Simulation {
         let ws = Workspace::new(&arm);
         let (n, cursor) = (arm.coordinates(), Cursor::default());
         let options = chosen(options, &arm, &input, start, &x);
-        let mut plant = Plant::new(arm, input.clone()).with_pneumatics(start, &x[..n]);
+        let plant = Plant::new(arm, input.clone());
+        let plant = if q.is_some() { plant.preceded() } else { plant };
+        let mut plant = plant.with_pneumatics(start, &x[..n]);
         let options = plant.suited(options);
         plant.begin(start, &x);
         let integrator = Integrator::new(options, start, &x);

@@ -93,7 +93,9 @@ fn run_in_lanes<'m, T: Real>(
     };
     let inputs = (0..if same_input { 1 } else { T::LANES }).map(drive).collect();
     let times: Vec<f64> = first.times.iter().map(|t| t - first.start + start).collect();
-    let plant = Plant::in_lanes(arm.clone(), inputs).with_pneumatics(start, &x0[..arm.coordinates()]);
+    let plant = Plant::in_lanes(arm.clone(), inputs);
+    let plant = if first.state.is_some() { plant.preceded() } else { plant };
+    let plant = plant.with_pneumatics(start, &x0[..arm.coordinates()]);
     let options = plant.suited(batch.options);
     let system = Parking::new(plant, x0.clone(), members.iter().map(|(m, _)| m.start - start).collect());
     let mut integrator = Integrator::new(options, start, &x0);

@@ -6,7 +6,7 @@ use crate::arm::structure::same_structure;
 use crate::kinematics::point::Point;
 
 /// Whether two members take the same steps and can so share lanes: the same output times after their start, and jumps of
-/// the input, where there are any, at the same times.
+/// the input, where there are any, at the same times. Those that begin at rest have no past, others may.
 pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bool {
     let (arms, inputs) = ((&batch.arms[a.arm], &batch.arms[b.arm]), (&batch.inputs[a.input], &batch.inputs[b.input]));
     let same_times = (std::ptr::eq(a.times, b.times) && a.start == b.start)
@@ -27,6 +27,7 @@ pub(super) fn can_share(batch: &Batch<'_>, a: &Member<'_>, b: &Member<'_>) -> bo
             && same_points(inputs.0.points(), inputs.1.points())
             && inputs.0.jumps() == inputs.1.jumps();
     same_times
+        && a.state.is_some() == b.state.is_some()
         && same_clock
         && same_input
         && (a.arm == b.arm || same_structure(arms.0, arms.1) && delays(arms.0).eq(delays(arms.1)))
