@@ -34,6 +34,10 @@ Mask = NDArray[np.bool_]
 #: Noise that is assumed where a channel does not tell it: length sensors and motion capture rarely do better; in the
 #: unit of the channel (m; a quaternion's component).
 DEFAULT_NOISE = 2e-4
+#: What stood before a log ends at least this long before it, s: at its first sample there is the log.
+_JUST_BEFORE = 1e-3
+#: How long it stands in the samples, s: means over a step of the integrator are to have it.
+_STOOD = 1.0
 #: Time over which channels are smoothed where their rates are wanted, s.
 SMOOTHING_SECONDS = 0.06
 
@@ -60,6 +64,7 @@ class Record:
         pressure_taps: the filter that the pressures went through, None for none.
         changes: what is known to have been otherwise of the arm, see :mod:`bha.estimation.conditions`.
         resting: where the arm stands when the record begins; None where it moves there.
+        before: how many samples of ``drive`` say what was before the log (:meth:`preceded_by`).
     """
 
     name: str
@@ -77,6 +82,7 @@ class Record:
     pressure_taps: Array | None = None
     changes: tuple[tuple[str, float], ...] = ()
     resting: Resting | None = None
+    before: int = 0
 
     def __len__(self) -> int:
         """Number of rows compared."""
@@ -155,6 +161,30 @@ class Record:
     def driven_by(self, pressures: Array) -> Input:
         """What drives the arm with other pressures, Pa absolute, shape (samples, inputs)."""
         return replace(self.drive, pressures=pressures)
+
+    @property
+    def alone(self) -> Record:
+        """The record with nothing before its log."""
+        return self if self.before == 0 else self._shifted(self.drive.time[self.before :], self.before, 0)
+
+    def preceded_by(self, pressures: Array, late: float) -> Record:
+        """The same record with pressures, Pa absolute, shape (inputs,), that stood until ``late`` s before its log.
+
+        The first ones of the log took their place then.
+        """
+        own = self.alone
+        start = own.drive.time[0] - late - _JUST_BEFORE + np.array([-_STOOD, 0.0, 0.0])
+        made = own._shifted(np.concatenate([start, own.drive.time]), -len(start), len(start))
+        made.drive.pressures[: len(start) - 1] = np.maximum(pressures, 0.0)
+        return made
+
+    def _shifted(self, time: Array, by: int, before: int) -> Record:
+        """The record driven at other times: some of its first samples left out, or the first one repeated."""
+        drive = self.drive
+        places = np.maximum(np.arange(len(time)) + by, 0)
+        forces = None if drive.forces is None else drive.forces[places]
+        moved = replace(drive, time=time, pressures=drive.pressures[places], forces=forces)
+        return replace(self, drive=moved, rows=self.rows - by, before=before)
 
     def kept(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Record:
         """The same record with some of its rows; what drives the arm keeps all its samples."""

@@ -22,6 +22,7 @@ from bha.errors import ConvergenceError
 from bha.estimation.conditions import Condition
 from bha.estimation.disturbed import Disturbed, fit_with_noise
 from bha.estimation.engine import Model
+from bha.estimation.first_second import preceded
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.integration import by, choose_integration, too_coarse
 from bha.estimation.pace import Pace, Progress
@@ -61,7 +62,8 @@ class Settings:
     Attributes:
         windows: lengths of the windows of the successive stages, s; None in it is a whole log. None in its place: 0.75
             and 6 s; 6 s and whole logs where pressures have a memory of what was before a window (commands through
-            pneumatics, a pressure lag): a window begins as if they had been at rest.
+            pneumatics, a pressure lag): behind valves and chambers (``full``) a window begins as if they had been at
+            rest, and to know a lag's past takes as long as a short window.
         huber: Huber's constant, in scales of the residuals; infinite for plain least squares.
         step: step of the integrator, s; chosen and checked if None.
         method: the integrator, ``"rk4"`` or ``"ros2"``; chosen if None (``"rk4"`` where only ``step`` is given).
@@ -215,7 +217,8 @@ def refine(
                 problem = _stage_problem(staged, z, (mean, deviation), stage.length, settings, stage.budget)
                 states = problem.guesses
             pace.note("choosing the step of the integrator")
-            problem = replace(problem, model=_integrated(staged, z, problem, states, settings, finer))
+            integrated = _integrated(staged, z, problem, states, settings, finer)
+            problem = replace(problem, model=preceded(integrated, z))
             try:
                 outcome = fit_with_scales(
                     problem,

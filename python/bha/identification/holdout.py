@@ -12,18 +12,13 @@ from bha import names
 from bha.arm import Arm
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
+from bha.estimation.first_second import first_second
 from bha.estimation.integration import STEPS, by, choose_integration
-from bha.estimation.problem import Point, Problem, Residuals
 from bha.estimation.records import Record, Window
 from bha.estimation.runs import Integration
-from bha.estimation.scales import scales
-from bha.estimation.solver import Policy, solve
 from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
-
-#: From this much of a log its initial state is estimated, s; the rest is prediction.
-START_SECONDS = 1.0
 
 
 @short_repr
@@ -87,23 +82,11 @@ def _predict(arm: Arm, rec: Record, step: float | None, threads: int | None) -> 
             model = choose_integration(model, none, whole, states)
         except ConvergenceError:
             model = by(model, step=STEPS[-1])
-    states = _start_state(model, states)
+    try:
+        told, state = first_second(model, none, 0, states[0])
+        model, states = model.on((told,)), state[None]
+    except ConvergenceError:
+        pass  # the run from the guess fails, and says so
     predicted = model.predict(none, whole, states)[0]
     bad = ~np.all(np.isfinite(predicted), axis=1)
     return Prediction(rec, predicted, float(rec.time[np.argmax(bad)]) if bad.any() else None)
-
-
-def _start_state(model: Model, guess: Array) -> Array:
-    """The initial state that fits the first second of the model's only record best, shape (1, 6n)."""
-    rec = model.records[0]
-    last = int(np.searchsorted(rec.time, rec.time[0] + START_SECONDS))
-    window = Window(0, 0, min(max(last, 8), len(rec)))
-    nothing = (np.zeros(0), np.ones(0))
-    problem = Problem(model, (window,), Residuals((rec.noise,), huber=np.inf), guess, nothing)
-    point = Point(np.zeros(0), guess)
-    try:
-        # Where the model is wrong, its own error is the scale: the state must not make up for it.
-        problem = problem.rescaled(scales(problem, point))
-        return solve(problem, point, Policy(max_iterations=6, tolerance=1e-3)).point.states
-    except ConvergenceError:
-        return guess
