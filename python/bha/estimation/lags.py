@@ -1,7 +1,8 @@
 """Lag and dead time of commanded pressures as ordinary free parameters: time constants of filling and venting, a delay.
 
-A chamber follows its command as p' = (command - p) / T, after the dead time of bus, valve and hose. Under measured
-pressures the pneumatics are left out, and so is this. An overdamped arm under commands follows through two lags in a
+A chamber follows its command as p' = (command - p) / T, after the dead time of bus, valve and hose, and through a
+second stage: a spool, a tube. With one stage a dead time stands for the other, a tenth of a second too long, and
+an arm that rings is missed by several noises (docs/decisions/0020). Under measured pressures the pneumatics are left out, and so is this. An overdamped arm under commands follows through two lags in a
 row, that of its pressures and its own, damping over stiffness; what is told of the two is the time S that they have
 together. The lag alone comes from how the response bends, which is their product P: lag = (S + sqrt(S^2 - 4 P)) / 2, so
 that an error of P, dP / P, becomes dP / P * own / (lag - own). No model's form is right to more than about a tenth of P
@@ -22,15 +23,21 @@ from bha.arm import Arm
 from bha.estimation.apart import KIND, rates
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.records import Record
+from bha.parameters import ArmParameters
 from bha.parameters.provenance import published
 
 #: The time constants: paths, and how far (as a factor's logarithm, in deviations of the prior) nobody knows them.
 PATHS = ("pneumatics.fill_time", "pneumatics.vent_time")
+#: What stands for a second stage.
+SECOND = "pressure_lag"
 #: Start where the file gives none, s, and the range in which they are sought.
 START, LEAST, GREATEST = 0.1, 2e-3, 20.0
 _DEVIATION = 2.0
 #: Dead times that are tried, s, the greatest that is sought, and the standard deviation of its prior about none, s.
 DELAYS, LATEST, DELAY_SPREAD = (0.02, 0.05, 0.1, 0.2), 2.0, 0.1
+#: Second stage of the valves: where it begins, s, the range in which it is sought, in that, and the standard deviation
+#: of its logarithm. What a chamber fills through (spool, tube) is shorter than its own time, and not nothing.
+STAGE, STAGES, STAGE_SPREAD = 0.02, (0.05, 50.0), 1.5
 #: Standard error of a lag, in itself, below which it counts as told, and how many own times it must be.
 TOLD, APART = 0.1, 2.0
 
@@ -41,7 +48,7 @@ class CommonTime:
 
     Attributes:
         section: its number.
-        lag: of its pressures, the mean of filling and venting.
+        lag: of its pressures, the mean of filling and venting, all stages together.
         across: lag and damping together, of a motion across the section's axis.
         along: the same of a motion along it.
         told: whether the lag alone is told.
@@ -62,7 +69,8 @@ def common_times(arm: Arm, pressures: NDArray[np.float64], error: float = math.i
     table = arm.parameters.pneumatics
     if table is None or table.level != "lag" or table.fill_time is None or table.vent_time is None:
         return ()
-    return common_with(arm, pressures, 0.5 * (table.fill_time + table.vent_time), error)
+    lag = 0.5 * (table.fill_time + table.vent_time) + second_stage(arm.parameters)
+    return common_with(arm, pressures, lag, error)
 
 
 def common_with(
@@ -83,10 +91,11 @@ def common_with(
     return tuple(found)
 
 
-def with_lag(arm: Arm, records: Sequence[Record]) -> tuple[Arm, tuple[FreeParameter, ...]]:
+def with_lag(arm: Arm, records: Sequence[Record], *, second: bool = False) -> tuple[Arm, tuple[FreeParameter, ...]]:
     """The arm with a lag and a dead time of its commanded pressures, and their free parameters.
 
-    The same arm and none where no record is driven by commands, and where the file says the full pneumatics.
+    With a ``second`` stage of the lag too, where the file has none. The same arm and none where no record is driven by
+    commands, and where the file says the full pneumatics.
     """
     if not any(rec.drive.commanded for rec in records) or arm.pneumatics_level == "full":
         return arm, ()
@@ -109,7 +118,19 @@ def with_lag(arm: Arm, records: Sequence[Record]) -> tuple[Arm, tuple[FreeParame
         path = f"effect.{len(arm.parameters.effects)}.time"
         late = FreeParameter(path, lower=0.0, upper=LATEST, prior=(0.0, DELAY_SPREAD), logarithmic=False)
         free.append(replace(late, scale=DELAY_SPREAD))
+    if second and not any(effect.kind == SECOND for effect in arm.parameters.effects):
+        stage = {"kind": SECOND, "where": "all", "fill": STAGE, "vent": STAGE}
+        arm = arm.with_effects([*arm.parameters.effects, stage])
+        low, high = STAGES
+        path = f"effect.{len(arm.parameters.effects)}.*"
+        free.append(FreeParameter(path, lower=low, upper=high, prior=(1.0, STAGE_SPREAD), logarithmic=True))
     return arm, tuple(free)
+
+
+def second_stage(parameters: ArmParameters) -> float:
+    """Time of the stages behind the first one of all commands, s."""
+    own = [e.parameters for e in parameters.effects if e.kind == SECOND and e.where == "all"]
+    return float(sum(0.5 * (numbers["fill"] + numbers["vent"]) for numbers in own))
 
 
 def is_dead_time(path: str) -> bool:

@@ -86,7 +86,7 @@ def identify(
     arm, used, held = found.arm, found.used, found.held
     lagging, splits = arm, free is None
     if free is None:
-        lagging, lags = with_lag(arm, used)
+        lagging, lags = with_lag(arm, used, second=True)
         free = (*default_free_of(arm.parameters, used), *lags)
     free = by_session(free, per_session, used, held)
     settings = settings or Settings()
