@@ -5,10 +5,9 @@ against pressure ties mass to area, section by section, nothing ties all to newt
 section by section, in this order:
 
 1. what the file calls published is known and stays;
-2. where every log measures the section's lengths, or the file calls its area measured, the file's areas count as known
-   to a tenth: such an arm comes with its drawings;
+2. where the file calls its area measured or identified, areas count as known to a tenth;
 3. else the mass is that of the file, within 5 % where it calls it measured (on a scale), else within 15 %, and areas
-   are free.
+   are free: who has a scale knows what an arm weighs, and nobody the effective area of a bellows before it was found.
 
 Numbers of a tape measure are free about the file's values: rest lengths, how far below the head the mass hangs and how
 it is spread about that (moments of inertia), where wires run. A rest length that is off by some per cent is
@@ -49,7 +48,7 @@ def default_free_of(parameters: ArmParameters, records: Sequence[Record]) -> tup
     """What is free of an arm by default under these records, without lags of commands (:mod:`bha.estimation.lags`)."""
     free: list[FreeParameter] = []
     for number in range(1, len(parameters.sections) + 1):
-        free += _of_section(parameters, number, records)
+        free += _of_section(parameters, number)
     free += _of_wires(parameters, records)
     if all(sees_a_head(rec) for rec in records):
         free += camera_free(parameters)
@@ -87,13 +86,12 @@ def _spread(free: FreeParameter) -> float:
     return math.inf if free.prior is None else free.prior[1] / free.prior[0]
 
 
-def _of_section(parameters: ArmParameters, number: int, records: Sequence[Record]) -> list[FreeParameter]:
+def _of_section(parameters: ArmParameters, number: int) -> list[FreeParameter]:
     place, section = f"section.{number}", parameters.sections[number - 1]
     status = {name: entry.status for name, entry in section.provenance.items()}
     known = published(section.provenance)
-    measured = all(_measures_lengths(rec, number) for rec in records)
     area = status.get("terminal_area")
-    drawn = area in ("published", "measured", "identified") or (measured and area != "assumed")
+    drawn = area in ("published", "measured", "identified")
     free = []
     if "mass" not in known:
         weighed = WEIGHED if status.get("mass") == "measured" else STATED
@@ -105,14 +103,14 @@ def _of_section(parameters: ArmParameters, number: int, records: Sequence[Record
         if k > 1:
             free.append(curved(parameters, path))
         else:
-            free.append(_about(path, value, STIFFNESS) if value > 0 and not measured else FreeParameter(path))
+            free.append(_about(path, value, STIFFNESS) if value > 0 and not drawn else FreeParameter(path))
     for k, value in enumerate(section.bending_stiffness, start=1):
         path = f"{place}.bending_stiffness.{k}"
         if k == 1:
             free.append(_beside_the_springs(path, value, section, number))
         elif value:
             free.append(FreeParameter(path))
-    if section.damping > 0 and not measured:
+    if section.damping > 0 and not drawn:
         free.append(_about(f"{place}.damping", section.damping, DAMPING))
     else:
         free.append(FreeParameter(f"{place}.damping"))
@@ -163,8 +161,3 @@ def _beside_the_springs(path: str, value: float, section: SectionParameters, num
 def _about(path: str, value: float, deviation: float) -> FreeParameter:
     """A positive number, free about a value by the standard deviation of its logarithm."""
     return FreeParameter(path, prior=(value, value * deviation))
-
-
-def _measures_lengths(rec: Record, section: int) -> bool:
-    """Whether lengths of a section are measured, by itself or in a wire that ends at its head."""
-    return any(output.kind == "length" and output.section == section for output in rec.observation.outputs)
