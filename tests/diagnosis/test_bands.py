@@ -88,3 +88,32 @@ def test_coloured_noise_is_told_from_white(share: float, time: float) -> None:
         assert found.share == pytest.approx(share, abs=0.15)
         assert found.deviation == pytest.approx(1.0, abs=0.15)
         assert found.time == pytest.approx(time, rel=0.5)
+
+
+def test_a_gap_a_hundred_times_the_noise_counts_alike_where_every_fourth_reading_is_missing() -> None:
+    # A zero in each place would be a spike as high as the gap.
+    rng = np.random.default_rng(8)
+    time = 0.03 * np.arange(800)
+    gap = np.column_stack([1e-2 * np.sin(2 * np.pi * 0.1 * time), 5e-3 * np.cos(2 * np.pi * 0.2 * time)])
+    measured = record(gap + 1e-4 * rng.standard_normal(gap.shape), 0.03, 1e-4)
+    model = bands.noise_model([measured], [[]])
+    holed = replace(measured, usable=rng.random(gap.shape) > 0.25)
+    whole, in_part = (
+        Residuals((r.noise,), np.inf, {Window(0, 0, 800): bands.Whitener(r, model)}).white(
+            Window(0, 0, 800), r.measured, r.usable
+        )
+        for r in (measured, holed)
+    )
+    assert np.sum(whole**2) > 1e3 * whole.size
+    assert np.sum(in_part**2) == pytest.approx(np.sum(whole**2), rel=0.01)
+    fast = [np.sum((rows[1:] - rows[:-1]) ** 2) for rows in (whole, in_part)]
+    assert fast[1] < 1.1 * fast[0]
+
+
+def test_what_was_not_read_is_on_the_line_between_readings_and_the_next_one_at_the_ends() -> None:
+    values = np.array([[9.0, 1.0], [2.0, 9.0], [9.0, 9.0], [9.0, 4.0], [5.0, 9.0], [9.0, 9.0]])
+    read = np.array([[0, 1], [1, 0], [0, 0], [0, 1], [1, 0], [0, 0]], dtype=bool)
+    wanted = np.array([[2.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, 4.0], [5.0, 4.0], [5.0, 4.0]])
+    np.testing.assert_allclose(bands.on_lines(values, read), wanted)
+    np.testing.assert_allclose(bands.on_lines(values[..., None], read)[..., 0], wanted)
+    np.testing.assert_array_equal(bands.on_lines(values, np.zeros_like(read)), values)

@@ -62,6 +62,8 @@ CAMERA_MISFIT = 2.0
 NOISE_ROUNDS, SAME_NOISE, STRAY_ROUNDS = 2, 0.8, 4
 #: Greatest step of a plain parameter, in plausible distances: a file may be far off.
 FAR = 3.0
+#: How often a fit begins anew from where it ended, and share of its cost for which it does once more.
+ROUNDS, WORTH_A_ROUND = 3, 0.01
 
 
 @dataclass(frozen=True)
@@ -251,7 +253,7 @@ def _damped_fit(
     tells, and files are off by orders of magnitude; a weak one hides in what the springs make up for.
     """
     nominal = evaluate(problem, model, np.zeros(model.size), prepared.states)
-    quick = _integrated_for(model, prepared, nominal, problem)
+    quick = _integrated_for(model, prepared, nominal, problem).model
     fits = []
     for x in starts:
         fit = evaluate(problem, quick, x, prepared.states)
@@ -263,14 +265,32 @@ def _damped_fit(
     return best.x, list(best.states)
 
 
-def _integrated_for(model: Model, prepared: Prepared, fit: Fit, problem: Problem) -> Model:
-    """The model, with a longer step where the plain one is off by so much more than noise that a share is enough."""
+def _integrated_for(model: Model, prepared: Prepared, fit: Fit, problem: Problem) -> Fit:
+    """The fit, with a longer step where it is off by so much more than noise that a share of that is enough.
+
+    A step is known by its error at the file's values: it is kept where it shows the same arm here, too.
+    """
     misfit = problem.misfit(fit)
     if not FAR_OFF < misfit < np.inf:
-        return model
+        return fit
     error = misfit * noise_of(prepared.records)
     step, coarse = (prepared.longest_step(share * error) for share in (MISFIT_SHARE, COARSE_MISFIT_SHARE))
-    return replace(model, integration=replace(model.integration, step=step, coarse=coarse))
+    quick = replace(model, integration=replace(model.integration, step=step, coarse=coarse))
+    found = evaluate(problem, quick, fit.x, fit.states, fit.trust)
+    return found if root_mean_square(found.outputs, fit.outputs) <= MISFIT_SHARE * error else fit
+
+
+def _to_its_end(problem: Problem, fit: Fit) -> Fit:
+    """The fit with sensitivities of its own, gone on until nothing is left to gain; ``fit`` with its sensitivities.
+
+    What a plain fit stopped short of any candidate's refit would gain, and pass for an effect.
+    """
+    for _ in range(ROUNDS):
+        more = improve(problem, fit, iterations=40, tolerance=2e-3, renewals=12, limit=FAR)
+        if more.cost > (1.0 - WORTH_A_ROUND) * fit.cost:
+            break
+        fit = with_sensitivities(problem, more)
+    return fit
 
 
 def fit_baseline(
@@ -311,8 +331,10 @@ def fit_baseline(
     else:
         x, states = known["x"], list(known["states"])
     fit = evaluate(problem, model, x, states)
-    model = _integrated_for(model, prepared, fit, problem)
-    disturbed = disturbed_outputs(problem, replace(fit, model=model), seed)
+    # At the step of the draws: what another makes of the same arm is no noise.
+    fit = _integrated_for(model, prepared, fit, problem)
+    model = fit.model
+    disturbed = disturbed_outputs(problem, fit, seed)
     bound = bound_of(records, fit.outputs, disturbed)
     for round_ in range(STRAY_ROUNDS):
         prepared = prepared.without_strays(fit.outputs)
@@ -337,7 +359,8 @@ def fit_baseline(
         if known_noise and prepared.without_strays(fit.outputs) is prepared:
             break
         bound = replace(bound, factors=np.minimum(bound.factors, before.factors))
+    fit = _to_its_end(problem, with_sensitivities(problem, fit))
     if stiff and not starts:
         problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
     shaken = mean_white_square(problem, made)
-    return Baseline(problem, noise, with_sensitivities(problem, fit), prepared, shaken, before)
+    return Baseline(problem, noise, fit, prepared, shaken, before)

@@ -197,10 +197,10 @@ def predicted(
             own, begin = slice(begin, int(stop)), int(stop)
             number = int(np.count_nonzero(record.usable[own]))
             counted = number / max(1, record.usable[own].size)
-            # What does not count is zero in the white rows. A block without readings says nothing, of any model.
+            # A block without readings says nothing, of any model.
             if counted >= LEAST_COUNTED:
                 before = whitener.time[s][-1] < end
-                blocks.append(float(np.mean(rows[s] ** 2)) / counted if before else np.nan)
+                blocks.append(float(np.mean(rows[s] ** 2)) if before else np.nan)
                 squares.append(float(np.sum(error[own] ** 2)) if before else np.nan)
                 counts.append(number)
     return Prediction(outputs, states, white, np.array(blocks), np.array(squares), np.array(counts), rms, until)

@@ -25,6 +25,7 @@ from bha.estimation.bands import (
     SensorNoise,
     band_edges,
     frequencies,
+    on_lines,
     sensor_noise,
 )
 from bha.estimation.records import Record
@@ -61,6 +62,11 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
     return result
 
 
+def _left(record: Record, shown: Array) -> Array:
+    """What a model leaves of a record whose outputs it shows, shape (rows, C), on lines where nothing was read."""
+    return on_lines(np.where(record.usable, record.measured - shown, 0.0), record.usable)
+
+
 def mean_white_square(problem: Problem, changes: Sequence[Sequence[Array]]) -> float:
     """Mean square of the white rows of draws of changes of each log's outputs; 0 where there are none."""
     squares = [np.mean(w(y) ** 2) for w, draws in zip(problem.whiteners, changes, strict=True) for y in draws]
@@ -95,7 +101,7 @@ def sensors_of(
         if not len(group):
             continue
         left = [
-            np.where(record.usable, record.measured - CubicSpline(thinned.time, y)(record.time), 0.0)[:, group]
+            _left(record, CubicSpline(thinned.time, y)(record.time))[:, group]
             for record, thinned, y in zip(full, thin, outputs, strict=True)
         ]
         made = [[change[:, group] / white[group] for change in changes] for changes in disturbed]
@@ -188,8 +194,7 @@ def bound_of(records: Sequence[Record], outputs: Sequence[Array], disturbed: Seq
     for record, shown, draws in zip(records, outputs, disturbed, strict=True):
         if draws:
             band = np.searchsorted(edges, frequencies(len(record), record.sample_time), side="right")
-            error = np.where(record.usable, record.measured - shown, 0.0)
-            np.add.at(left, band, _power(error))
+            np.add.at(left, band, _power(_left(record, shown)))
             np.add.at(made, band, np.mean([_power(change) for change in draws], axis=0))
             np.add.at(counts, band, 1.0)
     # Above the last edge no arm moves; a band holds its power to within a deviation of the square root of 2 over n.

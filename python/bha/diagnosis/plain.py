@@ -153,16 +153,21 @@ def fit_plain(
         begins = [at(model, own) for own in starts]
         return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins), bool(label))
 
-    if preloaded(arm.parameters) and not (faults or doubts):
-        # An arm that stands elsewhere after each use creeps: a data sheet's damping is off by orders of magnitude.
+    def begun_anew() -> Plain | None:
         tell("looking for where to begin", None)
-        if (start := _begun(arm, train, threads, commanded)) is not None:
+        start = _begun(arm, train, threads, commanded)
+        if start is not None:
             with suppress(ConvergenceError):
-                held = fitted(start, "begun")
-                if held.left < FOUND:
-                    return held
+                return fitted(start, "begun")
+        return None
+
     first: Plain | None = None
+    second: Plain | None = None
     why: ConvergenceError | None = None
+    # An arm that stands elsewhere after each use creeps: a data sheet's damping is off by orders of magnitude.
+    remembers = bool(preloaded(arm.parameters)) and not (faults or doubts)
+    if remembers and (second := begun_anew()) is not None and second.left < FOUND:
+        return second
     try:
         first = fitted(arm, "")
         if first.left < FOUND or faults or doubts:
@@ -171,11 +176,8 @@ def fit_plain(
         if wrong := [*faults, *doubts]:
             raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
         why = error
-    tell("looking for where to begin", None)
-    start, second = _begun(arm, train, threads, commanded), None
-    if start is not None:
-        with suppress(ConvergenceError):
-            second = fitted(start, "begun")
+    if not remembers:
+        second = begun_anew()
     fits = [fit for fit in (first, second) if fit is not None]
     if why is not None and not fits:
         raise why

@@ -11,7 +11,7 @@ from scipy import signal, stats
 from bha.diagnosis.holdout import Holdout
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.where import block_edges
-from bha.estimation.bands import NoiseModel
+from bha.estimation.bands import NoiseModel, on_lines
 
 Array = NDArray[np.float64]
 
@@ -75,6 +75,7 @@ def _spectra(holdout: Holdout, best: Trial, plain: Trial, noise: NoiseModel) -> 
         weights.append(float(len(record.rows)))
         for name, trial in (("before", plain), ("after", best)):
             rest = np.where(record.usable, record.measured - trial.prediction.outputs[k], 0.0)
+            rest = on_lines(rest, record.usable)
             frequency, density = _welch(rest, 1.0 / record.sample_time, length)
             found[name].append(density.mean(axis=1))
     sample_time = float(np.median([r.sample_time for r in records]))

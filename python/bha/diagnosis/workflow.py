@@ -50,6 +50,7 @@ from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
 from bha.diagnosis.where import locate
 from bha.errors import InputError
+from bha.estimation.asked import stands_elsewhere
 from bha.estimation.engine import Model
 from bha.estimation.records import Record, Window
 from bha.estimation.steady import start_scatter
@@ -126,7 +127,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         say(text)
 
     say("preparing the logs")
-    train, held = _records(logs, holdout_logs, commanded)
+    train, held = _records(arm, logs, holdout_logs, commanded)
     repeated = repeats(train)
     train, held = with_repeat_noise(train, repeated), with_repeat_noise(held, repeated)
     heads, lengths = _measured(train, arm)
@@ -303,7 +304,7 @@ def _completed(
 
 
 def _records(
-    logs: Sequence[Recording], holdout_logs: Sequence[Recording], commanded: bool
+    arm: Arm, logs: Sequence[Recording], holdout_logs: Sequence[Recording], commanded: bool
 ) -> tuple[list[Record], list[Record]]:
     noise = sensed_noise([*logs, *holdout_logs])
     train = [prepare(log, pressure_noise=noise) for log in logs]
@@ -318,7 +319,8 @@ def _records(
     if not held:
         train, held = split(train)
     whole = with_least_noise([*train, *held])
-    if commanded:
+    # Where an arm remembers, each log tells by its first pose how it stood, and under which command that was.
+    if commanded and not (preloaded(arm.parameters) or stands_elsewhere(whole[: len(train)])):
         whole = [from_rest(record) for record in whole]
     whole = smoothed(whole)
     return whole[: len(train)], whole[len(train) :]

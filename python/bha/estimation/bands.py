@@ -214,6 +214,8 @@ class Whitener:
     """Takes residuals of one log, or of a stretch of it, to rows that are white with variance one under a right model.
 
     One of the two whitenings (:class:`bha.estimation.innovations.Whitening`): that of noise which is stationary.
+    Bands of frequency need every row: one that was not read is put on the line between the readings beside it. A zero
+    there would be a spike as high as what is left, which may be a thousand times the noise, and count in all bands.
     """
 
     def __init__(self, record: Record, model: NoiseModel) -> None:
@@ -225,6 +227,8 @@ class Whitener:
         band = np.searchsorted(model.edges, frequency[: self.kept], side="right")
         self._slices = [(b, np.flatnonzero(band == b)) for b in range(len(model.edges))]
         self._factors = [np.linalg.inv(np.linalg.cholesky(c)) for c in model.covariance]
+        self._read = record.usable
+        self._whole = bool(np.all(record.usable))
         start, end = float(record.time[0]), float(record.time[-1])
         #: Time of each white row, s.
         self.time = start + (np.arange(self.kept) + 0.5) / self.kept * (end - start)
@@ -232,12 +236,31 @@ class Whitener:
     def __call__(self, values: Array) -> Array:
         """White rows of residuals, or of what is linear in them, (rows, C, ...), shape (kept, C, ...).
 
-        What was not read is zero in ``values``.
+        What was not read does not count, whatever ``values`` have there.
         """
         shape = (self.kept, *values.shape[1:])
+        values = values if self._whole else on_lines(values, self._read)
         coefficients = dct(values.reshape(self.rows, -1), axis=0, norm="ortho")[: self.kept].reshape(*shape[:2], -1)
         for b, index in self._slices:
             if len(index):
                 own = slice(index[0], index[-1] + 1)
                 coefficients[own] = self._factors[b] @ coefficients[own]
         return np.asarray(idct(coefficients.reshape(self.kept, -1), axis=0, norm="ortho")).reshape(shape)
+
+
+def on_lines(values: Array, read: NDArray[np.bool_]) -> Array:
+    """Values (rows, C, ...) with those that were not read on the line between the readings beside them.
+
+    At either end they are the next reading's; a channel without any is as it was.
+    """
+    filled = values.copy()
+    for channel, own in enumerate(read.T):
+        rows, known = np.flatnonzero(~own), np.flatnonzero(own)
+        if not len(rows) or not len(known):
+            continue
+        place = np.searchsorted(known, rows)
+        before, after = known[np.maximum(place - 1, 0)], known[np.minimum(place, len(known) - 1)]
+        share = np.clip((rows - before) / np.maximum(after - before, 1), 0.0, 1.0)
+        share = share.reshape(-1, *[1] * (values.ndim - 2))
+        filled[rows, channel] = (1.0 - share) * values[before, channel] + share * values[after, channel]
+    return filled
