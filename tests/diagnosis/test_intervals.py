@@ -108,19 +108,18 @@ def test_what_chance_explains_as_well_moves_nothing() -> None:
     assert moved <= 5  # two are expected
 
 
-@pytest.mark.parametrize(
-    ("bounds", "told"),
-    [((0.1, 0.3), True), ((-0.3, -0.1), True), ((-0.1, 0.3), False), ((0.0, 0.3), False)],
-)
-def test_an_effect_of_which_there_may_be_none_is_not_told(bounds: tuple[float, float], told: bool) -> None:
+@pytest.mark.parametrize(("value", "deviation", "told"), [(0.2, 0.05, True), (-0.2, 0.05, True), (0.1, 0.1, False)])
+def test_an_effect_of_which_there_may_be_none_is_not_told(value: float, deviation: float, told: bool) -> None:
     (plan,) = available(("pressure_gain",))
     candidate = Candidate(plan, "input p11", {})
     term, _ = candidate.term([0.2], core_ranges())
-    model = SimpleNamespace(coordinates=(None, *term.coordinates), place=lambda number: slice(1, 2))
-    fit = SimpleNamespace(model=model, x=np.array([0.0, 0.2]))
+    (own,) = term.coordinates
+    model = SimpleNamespace(coordinates=(own, own), place=lambda number: slice(1, 2))
+    fit = SimpleNamespace(model=model, x=np.array([0.0, own.coordinate(value)]))
+    draws = np.random.default_rng(2).standard_normal((4000, 2)) * deviation / own.scale
     trial: Any = SimpleNamespace(candidates=(candidate,), fit=fit)
-    assert is_told(trial, np.zeros((3, 2)), [(-1.0, 1.0), bounds]) is told
-    assert is_told(SimpleNamespace(candidates=(), fit=fit), np.zeros((3, 2)), [])  # type: ignore[arg-type]
+    assert is_told(trial, draws) is told
+    assert is_told(SimpleNamespace(candidates=(), fit=fit), draws)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("together", "told"), [(-0.99, True), (0.99, False)])
@@ -129,8 +128,8 @@ def test_two_strengths_that_do_nearly_the_same_are_told_together(together: float
     (plan,) = available(("effective_area",))
     candidate = Candidate(plan, "all", {})
     term, _ = candidate.term([0.2, 0.2], core_ranges())
-    model = SimpleNamespace(coordinates=(None, *term.coordinates), place=lambda number: slice(1, 3))
-    trial: Any = SimpleNamespace(candidates=(candidate,), fit=SimpleNamespace(model=model, x=np.array([0.0, 1.0, 1.0])))
-    draws = np.zeros((4000, 3))
-    draws[:, 1:] = np.random.default_rng(1).multivariate_normal([0.0, 0.0], [[1.0, together], [together, 1.0]], 4000)
-    assert is_told(trial, draws, [(-1.0, 1.0)] * 3) is told
+    model = SimpleNamespace(coordinates=term.coordinates, place=lambda number: slice(0, 2))
+    trial: Any = SimpleNamespace(candidates=(candidate,), fit=SimpleNamespace(model=model, x=np.array([1.0, 1.0])))
+    covariance = [[1.0, together], [together, 1.0]]
+    draws = np.random.default_rng(1).multivariate_normal([0.0, 0.0], covariance, 4000)
+    assert is_told(trial, draws) is told

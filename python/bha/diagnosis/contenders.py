@@ -18,8 +18,9 @@ from bha.recordings.strained import KIND as MEMORY
 
 Key = tuple[str, str]
 
-#: Kinds of one form that begin where the other's range of lengths ends.
-KIN = {"hysteresis": "friction", "friction": "hysteresis"}
+#: Kinds that only a refit tells apart: friction begins where the range of hysteresis ends, and in a motion of one size
+#: what creeps and what slips hold a bellows back alike.
+KIN = {"hysteresis": ("friction", "creep"), "friction": ("hysteresis",), "creep": ("hysteresis",)}
 
 
 def contenders(
@@ -115,12 +116,13 @@ def other_kinds(
 
 
 def with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:
-    """``chosen`` with the kinds of the same form in the same places: only a refit tells stiction from hysteresis."""
+    """``chosen`` with the kinds in the same places that only a refit tells from them."""
     result = list(chosen)
     for scored in chosen:
-        kin = (KIN.get(scored.candidate.kind, ""), scored.candidate.where)
-        if kin not in [*taken, *(c.candidate.key for c in result)]:
-            result += [s for s in ranking if s.candidate.key == kin][:1]
+        for kind in KIN.get(scored.candidate.kind, ()):
+            kin = (kind, scored.candidate.where)
+            if kin not in [*taken, *(c.candidate.key for c in result)]:
+                result += [s for s in ranking if s.candidate.key == kin][:1]
     return result
 
 

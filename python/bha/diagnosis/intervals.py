@@ -44,10 +44,13 @@ RESIDUALS, REPEATS = 400, 1000
 RIVAL, CHANCE = 0.5, 0.2
 
 
-def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float = 0.0) -> Array:
+def coordinate_draws(
+    problem: Problem, fit: Fit, seed: int, form: Array | float = 0.0, *, between_logs: bool = True
+) -> Array:
     """Draws of the change of the coordinates that the data leave open, shape (REPEATS, size).
 
-    ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`.
+    ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`;
+    ``between_logs`` whether what the logs disagree about counts.
     """
     known = information(problem, fit)
     rng = np.random.default_rng([seed, 13])
@@ -55,7 +58,7 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float 
     moved = np.linalg.solve(known.normal, scores)
     covariance = moved @ moved.T / RESIDUALS
     noise = np.diag(known.covariance) * max(1.0, fit.squares / problem.rows)
-    wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2))
+    wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2 if between_logs else 0.0))
     spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -63,17 +66,18 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float 
     return np.asarray(draws * np.hypot(np.maximum(spread, wanted), form))
 
 
-def is_told(trial: Trial, draws: Array, uncertainty: Sequence[tuple[float, float]]) -> bool:
-    """Whether the strengths of some effect of a set are told from none, at 95 %: one by its interval, or all together.
+def is_told(trial: Trial, draws: Array) -> bool:
+    """Whether the strengths of some effect of a set are told from none, at 95 %: one of them, or all together.
 
     What could be nothing, as far as the logs and what else may be missing say, is no name. Of two strengths that do
     nearly the same neither may be told, and yet not both be none. A set without strengths (lags, dead bands) is told.
 
     Args:
         trial: the set, fitted.
-        draws: what the logs leave open of its coordinates, shape (REPEATS, size).
-        uncertainty: 95 % interval of the value of each coordinate.
+        draws: what the logs and the form leave open of its coordinates, shape (REPEATS, size); without what the logs
+            disagree about, which a search has asked already, by predicting logs from the others.
     """
+    uncertainty = intervals(trial.fit, draws)
     model, x = trial.fit.model, trial.fit.x
     found = []
     for number, candidate in enumerate(trial.candidates):

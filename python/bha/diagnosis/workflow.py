@@ -230,7 +230,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     say("intervals and report")
     final = state.best if decision.verdict == "named" else state.plain
     fit, draws, uncertainty = _known(problem, final, signatures, seed)
-    if not is_told(replace(final, fit=fit), draws, uncertainty):
+    if final.candidates and not _is_told(problem, replace(final, fit=fit), signatures, seed):
         decision = untold(decision, final.label)
         final = state.plain
         fit, draws, uncertainty = _known(problem, final, signatures, seed)
@@ -284,6 +284,12 @@ def _known(
     fit = with_sensitivities(problem, trial.fit)
     draws = coordinate_draws(problem, fit, seed, form_deviation(problem, fit, signatures, seed))
     return fit, draws, intervals(fit, draws)
+
+
+def _is_told(problem: Problem, trial: Trial, signatures: Signatures, seed: int) -> bool:
+    """Whether there is some of what a set names, see :func:`bha.diagnosis.intervals.is_told`."""
+    form = form_deviation(problem, trial.fit, signatures, seed)
+    return is_told(trial, coordinate_draws(problem, trial.fit, seed, form, between_logs=False))
 
 
 def _completed(
