@@ -89,6 +89,7 @@ def test_units() -> None:
     assert paths.unit_of("section.1.stiffness.2") == "N/m^2"
     assert paths.unit_of("section.1.center_of_mass.z") == "m"
     assert paths.unit_of("section.*.damping") == ""
+    assert paths.unit_of("effect.1.stiffness") == ""
 
 
 def test_changed_sections_are_as_read_from_a_file() -> None:

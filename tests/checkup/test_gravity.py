@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import bha
+from bha.checkup.held import that_move
 
 from .made_logs import arm_of, log_of, nominal, steps
 
@@ -60,6 +62,24 @@ def test_physics_that_pulls_the_arm_is_no_gravity(pull: dict[str, object], gravi
     arm = column().with_changes(gravity=gravity)
     found = bha.check(arm, log_of(arm.with_effects([pull]), *steps(arm), see="lengths"))
     assert [f for f in found.findings if f.kind == "gravity"] == [], str(found)
+
+
+def test_a_spring_between_sections_carries_over_and_is_no_gravity() -> None:
+    """What one section bends its neighbour by has the sign that gravity reversed would give it."""
+    arm = arm_of(nominal(2))
+    coupled = arm.with_effects([{"kind": "section_coupling", "where": "section 1", "stiffness": 6.0}])
+    found = bha.check(arm, log_of(coupled, *steps(arm), see="lengths"))
+    assert [f for f in found.findings if f.kind == "gravity"] == [], str(found)
+
+
+def test_a_log_at_rest_is_no_evidence() -> None:
+    arm = column()
+    time, pressures = steps(arm)
+    moving = log_of(arm, time, pressures, see="lengths")
+    still = log_of(arm, time, np.full_like(pressures, 1.2e5), see="lengths")
+    short = log_of(arm, time[:30], pressures[:30], see="lengths")
+    made = [bha.Recording(arm, log, warn=False) for log in (still, moving, short)]
+    assert that_move(made) == [made[1]]
 
 
 def test_an_arm_that_lies_sags_the_other_way() -> None:

@@ -19,7 +19,7 @@ from bha.checkup.facts import LogFacts, facts_of, read_pressures
 from bha.checkup.finding import Finding, merged, worst_first
 from bha.checkup.geometry import geometry_findings
 from bha.checkup.gravity import gravity_findings
-from bha.checkup.held import held_fit
+from bha.checkup.held import held_fit, that_move
 from bha.checkup.layout import MOST_SECTIONS, Layout, layout_of
 from bha.checkup.mend import Mend, in_words, mended_arm, mended_log
 from bha.checkup.one_log import OneLog, logs_apart
@@ -290,10 +290,11 @@ def _motions(
     if wiring is not None or faults or blocked or odd:
         said.append("the sign of gravity is not checked before the faults above are mended")
         return found, said, (told, verdict)
-    filed = held_fit(arm, made)
-    turned = turned_sections(arm, made, told, verdict, filed)
+    moving = that_move(made)
+    filed = held_fit(arm, moving)
+    turned = turned_sections(arm, moving, told, verdict, filed)
     pressures = np.mean([one.pressures.mean(axis=0) for one in framed], axis=0)
-    more, told_sign = gravity_findings(arm, made, pressures, told, where, filed)
+    more, told_sign = gravity_findings(arm, moving, pressures, told, where, filed)
     if turned is not None and not any(finding.numbers["held"] > turned.gain for finding in more):
         # One explanation at a time: the next is looked for when this one is mended.
         verdict = replace(verdict, causes=(turned.cause,), gain=turned.gain)

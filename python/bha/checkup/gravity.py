@@ -35,9 +35,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 #: How much less poses must leave with gravity reversed (:func:`bha.checkup.held.gain`) than with the file as it is, and
-#: than with the best physics of few numbers beside it. Where it is ``MUCH`` less, that physics need only not be clearly
-#: better; where it is ``SOME``, that is a doubt. Table: docs/decisions/0013.
-HELD, BEYOND, NOT_BEHIND, MUCH, SOME = 0.05, 0.03, 0.1, 0.5, 0.12
+#: than with the best physics of few numbers beside it: by what a search may end short of its best. Where it is ``MUCH``
+#: less, that physics need only not be clearly better; where it is ``SOME``, that is a doubt. Table:
+#: docs/decisions/0013.
+HELD, BEYOND, NOT_BEHIND, MUCH, SOME = 0.05, 0.01, 0.1, 0.5, 0.12
 #: Logarithm of how many times less the bending leaves unexplained with gravity reversed (product over the sections),
 #: and what it is not expected to leave below.
 CARRIED, CARRIED_FLOOR = 0.4, 0.003

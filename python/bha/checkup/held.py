@@ -32,6 +32,9 @@ MOST_SECTIONS = 6
 #: section weighs against what its pressures push must stay what a scale and a tape measure say: a mass that may be
 #: anything makes of a force of any kind a weight, upside down or not.
 WEIGHED = {"mass": (0.3, 2.0), "terminal_area": (AREA, 4.0)}
+#: A log whose outputs move by less than this share of another one's rests; one that lasts less than this share of all
+#: is hardly a pose.
+RESTS, SHORT = 0.1, 0.05
 #: Share of the outputs' motion that a fit may leave which has found the poses of an arm.
 FOUND = 0.25
 
@@ -117,6 +120,13 @@ def weighs_as_filed(fit: Statics) -> bool:
         for coordinate, z in zip(fit.coordinates, fit.z, strict=True)
         if paths.key_of(coordinate.path) in WEIGHED
     )
+
+
+def that_move(made: Sequence[Recording]) -> list[Recording]:
+    """The logs in which something moves, and for long enough: a single pose any number may hit or miss by luck."""
+    least = RESTS * max((motion([one]) for one in made), default=0.0)
+    shortest = SHORT * sum(one.clock.duration for one in made)
+    return [one for one in made if motion([one]) >= least and one.clock.duration >= shortest]
 
 
 def motion(made: Sequence[Recording]) -> float:

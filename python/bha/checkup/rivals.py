@@ -5,7 +5,8 @@ have it. Each family here is such physics with a number a chamber, none of which
 
 - forces that stay: an offset of each input's pressure, which is a preload of its section in every direction;
 - forces in proportion to pressure: a gain of each input;
-- springs: each bellows softer or stiffer than its neighbours, a force in proportion to how far the arm is bent.
+- springs: each bellows softer or stiffer than its neighbours, a force in proportion to how far the arm is bent;
+- springs between sections, which carry bending over as weights do.
 
 A fault has no number of its own. It is believed where it explains more of the poses than the file does with any of
 these families, and the plain numbers, free.
@@ -25,11 +26,12 @@ from bha.parameters import Place
 if TYPE_CHECKING:
     from bha.arm import Arm
     from bha.estimation.statics import Statics
-    from bha.parameters import EffectParameters
+    from bha.parameters import EffectParameters, SectionParameters
     from bha.recordings import Recording
 
-#: Standard deviations of a gain, of the change of a bellows' spring, and of an offset in ranges of pressure.
-GAIN, SPRING, OFFSET = 0.2, 0.25, 0.1
+#: Standard deviations of a gain, of the change of a bellows' spring, of an offset in ranges of pressure, and of a
+#: spring between sections in what the springs of a section's bellows resist its bending.
+GAIN, SPRING, OFFSET, COUPLING = 0.2, 0.25, 0.1, 1.0
 
 
 def best_rival(arm: Arm, made: Sequence[Recording], *starts: Statics | None) -> Statics | None:
@@ -54,13 +56,17 @@ def _rivals(arm: Arm) -> Iterator[tuple[Arm, list[FreeParameter]]]:
     """The arm with each family of effects, all of nothing, and their numbers."""
     sections = arm.parameters.sections
     fed = [[bellows.input for bellows in section.resolved_bellows(k)] for k, section in enumerate(sections, start=1)]
-    inputs, bellows = (tuple(map(str, Place().parts(sort, fed))) for sort in ("input", "bellows"))
+    inputs, bellows, joints = (tuple(map(str, Place().parts(sort, fed))) for sort in ("input", "bellows", "section"))
     span = float(np.mean([np.ptp(section.pressure_range) for section in sections]))
+    bent = float(np.mean([_bending_of_springs(section, k) for k, section in enumerate(sections, start=1)]))
     for kind, places, key, spread, low, high in (
         ("pressure_offset", inputs, "offset", OFFSET * span, -span, span),
         ("pressure_gain", inputs, "gain", GAIN, -0.9, 2.0),
         ("weak_bellows", bellows, "change", SPRING, -0.9, 2.0),
+        ("section_coupling", joints[:-1], "stiffness", COUPLING * bent, 0.0, 10.0 * bent),
     ):
+        if not places:
+            continue
         own = arm.parameters.effects
         effects: list[EffectParameters | Mapping[str, Any]]
         effects = [*own, *({"kind": kind, "where": place, key: 0.0} for place in places)]
@@ -71,3 +77,8 @@ def _rivals(arm: Arm) -> Iterator[tuple[Arm, list[FreeParameter]]]:
             for k in range(len(own) + 1, len(effects) + 1)
         ]
         yield arm.with_effects(effects), free
+
+
+def _bending_of_springs(section: SectionParameters, number: int) -> float:
+    """By how much the springs of a section's bellows resist its bending, N m."""
+    return 0.5 * abs(section.stiffness[0]) * sum(bellows.radius**2 for bellows in section.resolved_bellows(number))

@@ -333,6 +333,8 @@ def fit_baseline(
     fit = evaluate(problem, model, x, states)
     # At the step of the draws: what another makes of the same arm is no noise.
     fit = _integrated_for(model, prepared, fit, problem)
+    if not all(np.isfinite(shown).all() for shown in fit.outputs):
+        raise ConvergenceError("the simulation diverges at the start of the fit; is the arm's file that of the logs?")
     model = fit.model
     disturbed = disturbed_outputs(problem, fit, seed)
     bound = bound_of(records, fit.outputs, disturbed)

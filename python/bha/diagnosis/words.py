@@ -24,7 +24,7 @@ VERDICTS = {
     "one_of": "A missing effect is found, one of a few that these logs cannot tell apart",
     "equivalent": "Equivalent: no gap that matters",
     "unexplained": "A gap that nothing known explains",
-    "setup": "The setup comes first: logs and file do not belong together",
+    "setup": "The setup comes first",
 }
 #: Below this an angle, rad, or a length, m, is not worth its number.
 _NO_ANGLE, _NO_LENGTH = 1e-4, 1e-5

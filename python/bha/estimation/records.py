@@ -339,7 +339,12 @@ def windows(records: Sequence[Record], length: float | None, *, min_rows: int = 
             if last - first >= min_rows and rec.usable[first:last].any():
                 made.append(Window(number, int(first), int(last)))
     if not made:
-        raise InputError(f"no window of {length} s has {min_rows} rows; choose longer windows")
+        longest = max(records, key=len)
+        of = "a whole log" if length is None else f"a window of {length:g} s"
+        raise InputError(
+            f"{of} needs {min_rows} rows; {longest.name} has {len(longest)} over {longest.duration:.4g} s: choose "
+            "longer windows, take a longer log, or write the time's unit in its heading"
+        )
     return made
 
 

@@ -40,6 +40,8 @@ STATIC_KEYS = frozenset(
 )  # fmt: skip
 #: The same of effects: gains and offsets of pressures or of what is seen, areas, springs of single bellows.
 _STATIC_EFFECT_KEYS = frozenset({"gain", "offset", "by_length", "by_pressure", "change"})
+#: Kinds of effects whose stiffness holds poses; that of others relaxes.
+_STATIC_SPRINGS = frozenset({"section_coupling", "bending_anisotropy", "tool_drag"})
 #: The net: factors on stiffness, on A/k, on k_bend/k and, where it is free, on K/k of an axial stiffness K.
 _STIFFNESS_FACTORS = (1 / 30, 1 / 10, 1 / 3, 1.0, 3.0, 10.0, 30.0)
 _AREA_FACTORS = (1 / 9, 1 / 3, 1.0, 3.0, 9.0)
@@ -104,17 +106,22 @@ class Statics:
         return float(np.median(own or self.lags))
 
 
-def is_static(coordinate: Coordinate) -> bool:
+def is_static(parameters: ArmParameters, coordinate: Coordinate) -> bool:
     """Whether a parameter acts on held poses."""
-    keys = _STATIC_EFFECT_KEYS if coordinate.path.startswith("effect.") else STATIC_KEYS
-    return paths.key_of(coordinate.members[0]) in keys
+    member = coordinate.members[0]
+    key = paths.key_of(member)
+    if not coordinate.path.startswith("effect."):
+        return key in STATIC_KEYS
+    if key == "stiffness":
+        return parameters.effects[int(member.split(".")[1]) - 1].kind in _STATIC_SPRINGS
+    return key in _STATIC_EFFECT_KEYS
 
 
 def fit_statics(
     parameters: ArmParameters, coordinates: Sequence[Coordinate], records: Sequence[Record]
 ) -> Statics | None:
     """The best held poses from all starts; None where no start holds poses, or nothing free acts on any."""
-    own = tuple(c for c in coordinates if is_static(c))
+    own = tuple(c for c in coordinates if is_static(parameters, c))
     if not own:
         return None
     net = _poses(parameters, own, records, _NET_CELLS)
@@ -145,7 +152,7 @@ def near_statics(
     ``start`` may be of fewer coordinates. Where its values hold no poses, the search begins at the best point of the
     net; None where none does, or where nothing free acts on any.
     """
-    own = tuple(c for c in coordinates if is_static(c))
+    own = tuple(c for c in coordinates if is_static(parameters, c))
     if not own:
         return None
     poses = _poses(parameters, own, records, _NEAR_CELLS)
@@ -164,7 +171,7 @@ def refit_statics(
     parameters: ArmParameters, coordinates: Sequence[Coordinate], records: Sequence[Record], z: Array, lags: Array
 ) -> Statics | None:
     """The held poses next to a point, ``z`` of all coordinates, with its lags, s; None where it holds no poses."""
-    places = [k for k, c in enumerate(coordinates) if is_static(c)]
+    places = [k for k, c in enumerate(coordinates) if is_static(parameters, c)]
     own = tuple(coordinates[k] for k in places)
     return _refined(_poses(parameters, own, records, _SEARCH_CELLS), z[places], lags, 2)
 
@@ -176,7 +183,7 @@ def left_out(
 
     Infinite where the others hold no poses, or show a sort of channels less. On coarse cells: to compare arms by.
     """
-    places = [k for k, c in enumerate(coordinates) if is_static(c)]
+    places = [k for k, c in enumerate(coordinates) if is_static(parameters, c)]
     own = tuple(coordinates[k] for k in places)
     everything = _poses(parameters, own, records, _NEAR_CELLS)
     total = 0.0

@@ -151,11 +151,9 @@ def acts_on_pose(path: str) -> bool:
 
 def unit_of(path: str) -> str:
     """Unit of the number at a path; empty for groups, which are factors, and for effects."""
-    if "*" in path:
+    if "*" in path or path.startswith("effect."):
         return ""
     key = key_of(path)
-    if key in _LENGTH_SENSOR_NUMBERS and path.startswith("effect."):
-        return ""
     if key in ("stiffness", "axial_stiffness"):
         power = int(path.rsplit(".", 1)[1])
         return "N/m" if power == 1 else f"N/m^{power}"
