@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import bha
-from bha.diagnosis.baseline import pieces
+from bha.diagnosis.baseline import pieces, refuse_impossible
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.preparation import from_rest, prepare
+from bha.errors import ConvergenceError
 from bha.estimation.bands import Whitener, noise_model
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters
@@ -112,3 +113,11 @@ def test_bellows_with_rest_lengths_of_their_own_keep_them() -> None:
     x[chosen] = model.plain[chosen].coordinate(0.2)
     lengths = [b["rest_length"] for b in model.description(x)["section"][0]["bellows"]]
     assert lengths == pytest.approx([0.15, 0.2, 0.17])
+
+
+def test_a_pose_in_which_no_length_is_left_between_stiff_pieces_is_refused_by_name() -> None:
+    record = record_of(TIME, np.zeros((len(TIME), 3)), np.zeros((len(TIME), 3)), name="rest.csv")
+    state = np.concatenate([[0.08, 0.09, 0.1, -0.003, -0.001, -0.002], np.zeros(6)])
+    with pytest.raises(ConvergenceError, match=r"rest.csv: begins where .* section 2 would be -2.0 mm long"):
+        refuse_impossible([record], [state])
+    refuse_impossible([record], [np.abs(state)])

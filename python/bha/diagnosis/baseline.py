@@ -110,7 +110,7 @@ def prepare_runs(model: Model, records: Sequence[Record]) -> Prepared:
     The error of a step is the RMS difference to half of it on the first seconds of every log, measured, not assumed.
 
     Raises:
-        ConvergenceError: the nominal arm diverges at every step tried.
+        ConvergenceError: the nominal arm diverges at every step tried, or no bellows is as short as a log begins.
     """
     nominal = np.zeros(model.size)
     sample = min(r.sample_time for r in records)
@@ -119,6 +119,7 @@ def prepare_runs(model: Model, records: Sequence[Record]) -> Prepared:
     thinned = tuple(thin(r, factor) for r in records)
     model = model.on(thinned)
     states = tuple(model.guesses(nominal, _whole(thinned)))
+    refuse_impossible(thinned, states)
     runs = model.runs(nominal, states, [checked_rows(r) for r in thinned])
     noise = noise_of(records)
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
@@ -143,6 +144,19 @@ def prepare_runs(model: Model, records: Sequence[Record]) -> Prepared:
         "the arm of the parameter file diverges under the pressures of these logs at every step tried; "
         "check that the file and the logs belong together (units and order of the pressures, rest lengths, stiffness)"
     )
+
+
+def refuse_impossible(records: Sequence[Record], states: Sequence[Array]) -> None:
+    """Refuse first poses in which the arm of the file has no length left between its stiff pieces."""
+    for record, state in zip(records, states, strict=True):
+        lengths = state[: len(state) // 2].reshape(-1, 3).mean(axis=1)
+        section = int(np.argmin(lengths))
+        if lengths[section] <= 0.0:
+            raise ConvergenceError(
+                f"{record.name}: begins where the bellows of section {section + 1} would be "
+                f"{1e3 * lengths[section]:.1f} mm long by the file's arm; allowed: more than 0; measure base_offset "
+                "and head_offset of the file again, where its base and its markers are, and the units of the positions"
+            )
 
 
 def _whole(records: Sequence[Record]) -> list[Window]:

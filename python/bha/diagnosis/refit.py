@@ -124,7 +124,8 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
     problem, begin = given.problem, start.fit
     candidates = (*start.candidates, candidate)
     term, own = candidate.term(strengths, given.ranges)
-    if candidate.kind == MEMORY and preloaded(begin.model.parameters):
+    strong = candidate.kind == MEMORY and bool(preloaded(begin.model.parameters))
+    if strong:
         # From as much as is expected: where logs begin, little is strained to its limit and tells nothing of more.
         typical = {s.name: s.typical for s in candidate.plan.strengths}
         own = [
@@ -146,8 +147,12 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
     known = stored(problem, fit, name)
     fit = known or fit
     assert begin.jacobian is not None
-    jacobian = np.concatenate([begin.jacobian, columns(problem, fit, range(old, model.size))], axis=1)
-    fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=begin.state_jacobians))
+    if strong:
+        # Beside much of it the plain numbers do something else than without any.
+        fit = weighted(problem, with_sensitivities(problem, fit))
+    else:
+        jacobian = np.concatenate([begin.jacobian, columns(problem, fit, range(old, model.size))], axis=1)
+        fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=begin.state_jacobians))
     if not known:
         try:
             fit = to_its_end(problem, fit)

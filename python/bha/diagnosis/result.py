@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from bha.errors import InputError
+from bha.parameters import EFFECT_KINDS
 from bha.support.files import written_whole
 from bha.support.shown import frame, html_table, number
 
@@ -159,6 +160,12 @@ class Effect(Table):
     slow: list[SlowSection] = []
     plain: bool = False
     corrections: list[Correction] = []
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it has all numbers that a parameter file needs; a family of which none is told has none."""
+        needed = {p.name for p in EFFECT_KINDS[self.kind].parameters if p.default is None}
+        return needed <= set(self.parameters)
 
 
 class Gap(Table):

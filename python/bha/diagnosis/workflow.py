@@ -39,6 +39,7 @@ from bha.diagnosis.preparation import (
     with_least_noise,
 )
 from bha.diagnosis.refit import Trial
+from bha.diagnosis.remembered import remembered, with_memory
 from bha.diagnosis.repeats import repeats, with_repeat_noise
 from bha.diagnosis.result import Diagnosis
 from bha.diagnosis.rules import Rules
@@ -255,6 +256,8 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     )
     lag = next((effect for effect in diagnosis.of_commands if effect.kind == "pressure_lag"), None)
     diagnosis = with_finding(diagnosis, unlike(problem, plain_fit, holdout, prediction, lag, noise_rms))
+    say("what the arm remembers")
+    diagnosis = with_memory(diagnosis, remembered(problem, plain_fit, holdout, prediction, noise_rms, limits))
     setup = [*(fault.in_a_line() for fault in faults), *plain.said, *diagnosis.setup]
     disturbed = gap.significant and verdict.verdict == "equivalent"
     diagnosis = diagnosis.model_copy(update={"setup": setup, "disturbed": disturbed, "unexamined": state.unexamined})

@@ -118,6 +118,7 @@ def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
     tables = [
         _effect_table(effect.kind, where, parameters, references)
         for effect in outcome.diagnosis.missing
+        if effect.is_whole
         for where, parameters in (
             *((effect.where, e) for e in effect.elements or [effect.parameters]),
             *((c.where, c.parameters) for c in effect.corrections),
