@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
-from bha.diagnosis.contenders import other_kinds
+from bha.diagnosis.contenders import asks_memory_first, other_kinds, with_what_slips
 from bha.diagnosis.screen import Scored
+from bha.estimation.preload import with_preloads
+from bha.parameters import ArmParameters
+
+from .synthetic import one_section
 
 CORE = {
     "section": [{"bellows": [{"input": 3 * i + k} for k in range(3)]} for i in range(2)],
@@ -33,3 +41,25 @@ def test_other_kinds_in_the_place_of_the_best_are_refitted_too() -> None:
     assert found == [ranking[3]]
     assert other_kinds(ranking, ranking[2].candidate, (), CORE, 4) == [ranking[2]]
     assert other_kinds(ranking, ranking[0].candidate, (), CORE, 2) == [ranking[0], ranking[3]]
+
+
+def test_an_arm_whose_logs_show_that_it_remembers_is_asked_what_slips_before_anything_else() -> None:
+    plain = one_section().parameters
+    banks = tuple(Candidate(PLANS["hysteresis"], "all", dict(shape)) for shape in PLANS["hysteresis"].bank)
+    ranking = (scored("payload", "section 1", 9.0), *(Scored(own, 1.0, (1.0,), 0.01, 1.0) for own in banks))
+
+    def first(parameters: ArmParameters, ranking: Sequence[Scored], taken: int = 0, rounds: int = 0) -> bool:
+        given: Any = SimpleNamespace(problem=SimpleNamespace(model=SimpleNamespace(parameters=parameters)))
+        current: Any = SimpleNamespace(candidates=(banks[0],) * taken)
+        screening: Any = SimpleNamespace(ranking=ranking)
+        return asks_memory_first(given, current, screening, [[]] * rounds)
+
+    remembers = with_preloads(plain)
+    assert first(remembers, ranking)
+    assert not first(plain, ranking)
+    assert not first(remembers, ranking[:1])
+    assert not first(remembers, ranking, taken=1)
+    assert not first(remembers, ranking, rounds=1)
+    (bank,) = with_what_slips([], ranking, ())
+    assert bank.candidate.key == ("hysteresis", "all")
+    assert bank.candidate.bank == PLANS["hysteresis"].bank
