@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import bha
-from bha.estimation.asked import curved_springs
 from bha.estimation.begin import Begin, begin
 from bha.estimation.lags import with_lag
 from bha.estimation.records import record
-from bha.estimation.scale import default_free_of
+from bha.estimation.scale import default_free_of, with_curved_springs
 from bha.logs import Log
 
 from .slow_arm import LAG, TRUE, arm_of, log_of
@@ -58,17 +57,15 @@ def test_what_chambers_differ_by_in_one_log_alone_is_not_kept() -> None:
     assert "pressure_gain" not in kinds(begun(*logs))
 
 
-def test_powers_of_springs_are_asked_for_where_the_file_has_one() -> None:
-    parameters = arm_of(TRUE).parameters
-    asked = curved_springs(parameters, ("section.1.stiffness.1", "section.1.damping"))
-    assert asked is not None
-    assert asked.parameters.sections[0].stiffness == (TRUE["stiffness"], 0.0, 0.0)
-    added = {f.path: f for f in asked.free if not isinstance(f, str)}
-    # Half of the spring's force at the ends of a range of 0.3 m.
-    assert added["section.1.stiffness.2"].prior == pytest.approx((0.0, 0.5 * TRUE["stiffness"] / 0.15))
-    assert added["section.1.stiffness.3"].prior == pytest.approx((0.0, 0.5 * TRUE["stiffness"] / 0.15**2))
-    assert curved_springs(asked.parameters, asked.free) is None
-    assert curved_springs(parameters, ("section.1.damping",)) is None
+def test_powers_of_springs_are_free_where_the_file_has_one() -> None:
+    arm = arm_of(TRUE)
+    changed = with_curved_springs(arm)
+    assert changed.parameters.sections[0].stiffness == (TRUE["stiffness"], 0.0, 0.0)
+    free = {f.path: f for f in default_free_of(changed.parameters, ())}
+    # A tenth of the spring's force at the ends of a range of 0.3 m.
+    assert free["section.1.stiffness.2"].prior == pytest.approx((0.0, 0.1 * TRUE["stiffness"] / 0.15))
+    assert free["section.1.stiffness.3"].prior == pytest.approx((0.0, 0.1 * TRUE["stiffness"] / 0.15**2))
+    assert with_curved_springs(changed) is changed
 
 
 def test_equal_chambers_and_prompt_commands_ask_for_nothing() -> None:

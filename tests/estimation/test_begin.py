@@ -46,7 +46,8 @@ def test_an_arm_from_a_tape_measure_is_identified_with_defaults() -> None:
     assert found.converged
     values = {e.path: e.value for e in found.estimates}
     ratio = values["section.1.terminal_area"] / values["section.1.stiffness.1"]
-    assert ratio == pytest.approx(AREA_BY_STIFFNESS, rel=0.02)
+    # Springs may be curved, and their slope at rest is told less well than where the arm moves.
+    assert ratio == pytest.approx(AREA_BY_STIFFNESS, rel=0.03)
     assert values["section.1.mass"] == pytest.approx(0.5, rel=0.1)
     # Bending lags longer than stretching: its damping is a number of its own, on the scale of the others.
     scale = values["section.1.stiffness.1"] / TRUE["stiffness"]

@@ -1,10 +1,9 @@
-"""What is free beyond the defaults where logs ask for it: curved springs, chambers that are not alike, what creeps.
+"""What is free beyond the defaults where logs ask for it: chambers that are not alike, what creeps.
 
 Nearly every arm is a little of both, but a number that logs do not need takes part in every combination that they do
 not tell. These are therefore tried only where the defaults leave more than the noise, and kept where simulations from
 the new start leave clearly less (:mod:`bha.estimation.begin`):
 
-- second and third powers of springs of which the file states one number;
 - gains of single inputs (areas of their chambers, sensors, regulators: they act alike) and azimuths of single chambers;
 - preloads of the sections, log by log, told by where each log begins (:mod:`bha.estimation.preload`), and with them
   areas that change with the length of a chamber, as those of fabric do;
@@ -27,7 +26,6 @@ from numpy.typing import NDArray
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
-from bha.estimation.scale import curved
 from bha.estimation.statics import TURN
 from bha.parameters import ArmParameters, paths
 from bha.parameters.provenance import published
@@ -39,8 +37,6 @@ Array = NDArray[np.float64]
 #: Standard deviations of what chambers differ by: gain, and azimuth in rad.
 GAIN, AZIMUTH = 0.1, math.radians(5.0)
 AREA = "effective_area"
-#: Powers of a spring that is curved.
-POWERS = 3
 #: Pressures are alike within this part of their travel; poses under them are others from this part of the arm's travel
 #: and so many noises on (standard deviation in one channel): more than pressures so near to each other make.
 ALIKE, ELSEWHERE, NOISES = 0.04, 0.05, 10.0
@@ -75,26 +71,6 @@ class Asked:
     static: bool
     begins: bool = False
     carries: bool = False
-
-
-def curved_springs(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:
-    """Springs of three powers where the file states one number that is free; None where it does so of no section.
-
-    A tape measure's file says how stiff a chamber is, not that it is as stiff at the ends of its range as at rest.
-    """
-    names = {f if isinstance(f, str) else f.path for f in free}
-    mapping, more = parameters.to_mapping(), []
-    for number, section in enumerate(parameters.sections, start=1):
-        if len(section.stiffness) > 1 or f"section.{number}.stiffness.1" not in names:
-            continue
-        mapping["section"][number - 1]["stiffness"] = [section.stiffness[0], *[0.0] * (POWERS - 1)]
-        more += [f"section.{number}.stiffness.{power}" for power in range(2, POWERS + 1)]
-    if not more:
-        return None
-    changed = parameters.updated({"section": mapping["section"]})
-    said = "springs are not as stiff at the ends of their range as at rest: second and third powers were added"
-    # What held poses tell is blurred by the form of their lags, by more than a spring's curve.
-    return Asked(changed, (*free, *(curved(changed, path) for path in more)), said, False)
 
 
 def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter | str]) -> Asked | None:

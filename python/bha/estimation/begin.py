@@ -19,7 +19,6 @@ from bha.arm import Arm
 from bha.estimation.apart import Rates, apart, lags_of, mean_pressures, rates, with_bending_damping
 from bha.estimation.asked import (
     Asked,
-    curved_springs,
     material_that_creeps,
     memory_that_slips,
     slip_factors,
@@ -203,10 +202,13 @@ def _with_what_is_asked(found: _Found, model: Model, *, whole: bool) -> tuple[_F
     # A second look with nothing more is what more freedom is held against.
     again = _asked(found, Asked(found.arm.parameters, found.free, "", True), model, whole=whole)
     found = again if again is not None and again.tried[0].merit < found.tried[0].merit else found
-    for ask in (curved_springs, material_that_creeps, memory_that_slips, unlike_chambers):
+    for ask in (material_that_creeps, memory_that_slips, unlike_chambers):
         if not _fits(ask, held=preloads_of(found.arm.parameters) is not None):
             continue
         asked = ask(found.arm.parameters, found.free)
+        # How an arm begins otherwise from log to log is told by no single one: there it is a rest length.
+        if asked is not None and asked.begins and len(records) < 2:
+            continue
         more = None if asked is None else _step_by_step(found, asked, model, whole=whole)
         if asked is None or more is None or more.statics is None or found.statics is None:
             continue

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from bha.arm import Arm
 from bha.estimation.free import FreeParameter, camera_free, typical_scale
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters, SectionParameters, paths
@@ -31,8 +32,11 @@ from bha.parameters.provenance import published
 WEIGHED, STATED, DRAWN, AREA = 0.05, 0.15, 0.1, math.log(3.0)
 #: The same of a stiffness and of a damping: guesses are starts, and must not weigh in the scale.
 STIFFNESS, DAMPING = math.log(1e6), math.log(1e6)
-#: The same of what each higher power of a spring adds at the ends of its range, in the force of the first one there.
-CURVED = 0.5
+#: The same of what each higher power of a spring adds at the ends of its range, in the force of the first one there: of
+#: one that the file states, and of one that it does not.
+CURVED, STRAIGHT = 0.5, 0.1
+#: Powers of a spring.
+POWERS = 3
 #: Standard deviation of a bending stiffness, in itself or what the springs bend, whichever is greater.
 BENDING = 10.0
 #: Standard deviation of the logarithm of a factor on moments of inertia: those of (56) are of a solid cylinder, and the
@@ -122,7 +126,22 @@ def _of_section(parameters: ArmParameters, number: int) -> list[FreeParameter]:
 def curved(parameters: ArmParameters, path: str) -> FreeParameter:
     """A coefficient of a higher power of a spring."""
     value = paths.get_value(parameters, path)
-    return FreeParameter(path, prior=(value, CURVED * typical_scale(parameters, path, value)))
+    spread = (CURVED if value else STRAIGHT) * typical_scale(parameters, path, value)
+    return FreeParameter(path, prior=(value, spread))
+
+
+def with_curved_springs(arm: Arm) -> Arm:
+    """The arm with springs of three powers where its file states one number; the same one where it does so of none.
+
+    A tape measure's file says how stiff a chamber is, not that it is as stiff at the ends of its range as at rest.
+    Without what is missing there an arm that rings is fitted in another valley.
+    """
+    mapping, changed = arm.parameters.to_mapping(), False
+    for table, section in zip(mapping["section"], arm.parameters.sections, strict=True):
+        if len(section.stiffness) == 1 and "stiffness" not in published(section.provenance):
+            table["stiffness"] = [section.stiffness[0], *[0.0] * (POWERS - 1)]
+            changed = True
+    return Arm(arm.parameters.updated({"section": mapping["section"]})) if changed else arm
 
 
 def _of_a_tape_measure(place: str, section: SectionParameters, known: set[str]) -> list[FreeParameter]:

@@ -9,13 +9,14 @@ from dataclasses import replace
 from bha.arm import Arm
 from bha.errors import InputError
 from bha.estimation.apart import mean_pressures
+from bha.estimation.asked import stands_elsewhere
 from bha.estimation.begin import Begin, begin
 from bha.estimation.free import FreeParameter
 from bha.estimation.lags import PATHS as LAG_PATHS
 from bha.estimation.lags import CommonTime, common_times, with_lag
 from bha.estimation.records import Record
 from bha.estimation.refinement import Settings, refine, remembers
-from bha.estimation.scale import default_free_of, scale_of
+from bha.estimation.scale import default_free_of, scale_of, with_curved_springs
 from bha.estimation.strays import in_words
 from bha.identification.arranged import arranged, by_session
 from bha.identification.result import Identification, identification
@@ -86,8 +87,10 @@ def identify(
     arm, used, held = found.arm, found.used, found.held
     lagging, splits = arm, free is None
     if free is None:
-        lagging, lags = with_lag(arm, used, second=True)
-        free = (*default_free_of(arm.parameters, used), *lags)
+        # What an arm remembers would become curves of its springs.
+        curved = arm if stands_elsewhere(used) else with_curved_springs(arm)
+        lagging, lags = with_lag(curved, used, second=True)
+        free = (*default_free_of(lagging.parameters, used), *lags)
     free = by_session(free, per_session, used, held)
     settings = settings or Settings()
 
