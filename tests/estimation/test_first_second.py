@@ -25,7 +25,7 @@ def arm_of(lag: float) -> bha.Arm:
 def log_of(arm: bha.Arm, begins: float) -> bha.Log:
     """Commands held for 0.8 s, from ``begins`` s on, with all lengths at 100 Hz."""
     time = np.arange(0.0, 6.0, 0.01)
-    drive = bha.Input(time, LEVELS[np.floor(time / 0.8).astype(int)], commanded=True)
+    drive = bha.Input(time, LEVELS[np.floor(time / 0.8 + 1e-9).astype(int)], commanded=True, interpolation="hold")
     lengths = bha.simulate(arm, drive, times=time, method="rk4", step=1e-3).lengths
     lengths = lengths + NOISE * np.random.default_rng(6).standard_normal(lengths.shape)
     kept = time >= begins
@@ -40,7 +40,7 @@ def test_a_log_that_begins_behind_a_step_is_predicted_from_what_stood_before() -
     assert unsure_of_pressures(arm.parameters, rec)
     # As if the chambers stood at the first command the first second is off by 6.4 mm, and 12 in its first quarter.
     error = predict(arm, [rec])[0].error
-    assert np.sqrt(np.mean(error[rec.time < rec.time[0] + START_SECONDS] ** 2)) < 5e-4
+    assert np.sqrt(np.mean(error[rec.time < rec.time[0] + START_SECONDS] ** 2)) < 1.3 * NOISE
     model = Model(arm.parameters, (), (rec,))
     model = by(model, step=2e-3)
     guess = model.guesses(np.zeros(0), [Window(0, 0, len(rec))])[0]
