@@ -143,11 +143,14 @@ def candidates_figure(found: Diagnosis) -> Any:
             y=names,
             orientation="h",
             marker_color=[ACCENT if r is not None else NOISE for r in refitted],
-            text=["" if r is None else f"{1e3 * r:.3g} mm after a refit" for r in refitted],
-            textposition="auto",
+            text=["" if r is None else f"{1e3 * r:.3g} mm" for r in refitted],
+            textposition="outside",
+            cliponaxis=False,
         )
     )
-    figure.update_xaxes(title="share of the error, %")
+    # Room for a number behind the longest bar on a narrow page, too.
+    longest = max((100.0 * c.score for c in shown), default=0.0)
+    figure.update_xaxes(title="share of the error, %", range=[0.0, 1.6 * max(longest, 1.0)])
     return layout(figure, 120 + 24 * len(shown), showlegend=False)
 
 
