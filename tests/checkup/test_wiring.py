@@ -209,6 +209,19 @@ def test_a_section_that_lengthens_while_the_other_is_driven(driven: int, exchang
     assert [what[:38] for what in said[:1]] == (["tubes of sections 1 and 2 exchanged as"] if exchanged else [])
 
 
+def test_a_section_that_another_one_bends_is_not_judged_by_that() -> None:
+    """Its pressures follow the other's by a hundredth, as those behind one supply do; it hardly lengthens."""
+    arm = two_arm()
+    time, pressures = steps(arm)
+    pressures[:, 3:] = 1.0e5 + 0.01 * (pressures[:, :3] - 1.0e5)
+    coupled = arm.with_effects([{"kind": "section_coupling", "where": "section 1", "stiffness": 40.0}])
+    found = bha.check(arm, log_of(coupled, time, pressures, see="lengths"))
+    assert found.evidence is not None
+    assert ("lengths", 1, "bending") in found.evidence.blocks
+    assert ("lengths", 1, "bending") not in found.evidence.informative
+    assert found.faults == ()
+
+
 def test_one_tube_of_each_section_exchanged() -> None:
     arm = two_arm()
     found = bha.check(arm, log_of(arm, *steps(arm), feeds=[0, 1, 3, 2, 4, 5]))

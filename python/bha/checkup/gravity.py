@@ -35,10 +35,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 #: How much less poses must leave with gravity reversed (:func:`bha.checkup.held.gain`) than with the file as it is, and
-#: than with the best physics of few numbers beside it: by what a search may end short of its best. Where it is ``MUCH``
-#: less, that physics need only not be clearly better; where it is ``SOME``, that is a doubt. Table:
-#: docs/decisions/0013.
-HELD, BEYOND, NOT_BEHIND, MUCH, SOME = 0.05, 0.01, 0.1, 0.5, 0.12
+#: than with the best physics of few numbers beside it: by what a search may end short of its best. From ``SOME`` on,
+#: where that physics is not clearly better, it is a doubt. Table: docs/decisions/0013.
+HELD, BEYOND, SOME, NOT_BEHIND = 0.05, 0.01, 0.12, 0.1
 #: Logarithm of how many times less the bending leaves unexplained with gravity reversed (product over the sections),
 #: and what it is not expected to leave below.
 CARRIED, CARRIED_FLOOR = 0.4, 0.003
@@ -69,8 +68,7 @@ class Signs:
     @property
     def by_poses(self) -> bool:
         """Whether the poses say that gravity is reversed."""
-        clear = self.beyond > BEYOND or (self.held > MUCH and self.beyond > -NOT_BEHIND)
-        return self.weighs and clear and self.held > HELD and self.carried > -CARRIED
+        return self.weighs and self.held > HELD and self.beyond > BEYOND and self.carried > -CARRIED
 
     @property
     def by_carrying(self) -> bool:

@@ -33,8 +33,10 @@ LEAST_FREE = 0.4
 LEAST_BENDING, LEAST_LENGTH = 4e-3, 0.004
 #: A section whose own chambers are driven less than this share of what the most driven section has is judged only if it
 #: bends by this share of what the model says for the log's greatest pressure in one chamber, or by its mean length if
-#: that changes more than those of all sections that are driven: chambers lengthen their own section alone.
-LEAST_DRIVE, LEAST_PREDICTED = 0.25, 0.3
+#: that changes more than those of all sections that are driven: chambers lengthen their own section alone. One that
+#: bends must lengthen by this share of the most that a driven section does, too (one chamber of five lengthens its
+#: section by a quarter of what four lengthen theirs): soft sections bend under what others carry over.
+LEAST_DRIVE, LEAST_PREDICTED, LEAST_LENGTHENED = 0.25, 0.3, 0.2
 #: A log with fewer rows of the grid in which all is known tells nothing.
 FEWEST_ROWS = 30
 #: An input counts as moved from this share of its pressure range on (standard deviation).
@@ -234,10 +236,12 @@ def _told(layout: Layout, key: Key, made: Sequence[Signals], size: Mapping[Key, 
     driven = strength >= LEAST_DRIVE * strength.max()
     if driven[key[1]]:
         return True
-    if key[2] == "length" and size[key] > max(
-        size.get((key[0], int(i), "length"), 0.0) for i in np.flatnonzero(driven)
-    ):
+    lengthened = size.get((key[0], key[1], "length"))
+    most = max(size.get((key[0], int(i), "length"), 0.0) for i in np.flatnonzero(driven))
+    if key[2] == "length" and size[key] > most:
         return True
+    if lengthened is not None and lengthened < LEAST_LENGTHENED * most:
+        return False
     strongest = np.max(np.abs(layout.bending[key[1]])) * deviation.max()
     bent = size.get((key[0], key[1], "bending"), 0.0)
     return bool(bent > LEAST_PREDICTED * np.nan_to_num(layout.bending_gain[key[1]], nan=np.inf) * strongest)
