@@ -196,6 +196,10 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     before = rms_errors(prediction)[0] if np.isfinite(prediction.mean_square) else prediction.rms
     limits = tolerant(limits, tolerance, noise_rms)
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
+    memory = remembered(problem, plain_fit, holdout, prediction, noise_rms, limits)
+    if memory is not None:
+        rules = replace(rules, most=1)
+        state.notes.append("the arm remembers: beside the form of its memory no further effect is sought")
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
     where = locate(problem, baseline.noise, plain_fit.outputs, plain_fit.residual, seed, radius)
@@ -256,8 +260,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     )
     lag = next((effect for effect in diagnosis.of_commands if effect.kind == "pressure_lag"), None)
     diagnosis = with_finding(diagnosis, unlike(problem, plain_fit, holdout, prediction, lag, noise_rms))
-    say("what the arm remembers")
-    diagnosis = with_memory(diagnosis, remembered(problem, plain_fit, holdout, prediction, noise_rms, limits))
+    diagnosis = with_memory(diagnosis, memory)
     setup = [*(fault.in_a_line() for fault in faults), *plain.said, *diagnosis.setup]
     disturbed = gap.significant and verdict.verdict == "equivalent"
     diagnosis = diagnosis.model_copy(update={"setup": setup, "disturbed": disturbed, "unexamined": state.unexamined})
