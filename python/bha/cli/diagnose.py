@@ -118,7 +118,8 @@ def _print(found: Diagnosis, out: Path) -> None:
     for effect in found.effects:
         numbers = ", ".join(_number(name, n) for name, n in effect.parameters.items())
         empirical = "; an empirical term, no cause" if effect.empirical else ""
-        say(f"{effect.kind} at {effect.where}: {numbers}; confidence {effect.confidence:.2f}{empirical}")
+        told = f": {numbers}" if numbers else ""
+        say(f"{effect.kind} at {effect.where}{told}; confidence {effect.confidence:.2f}{empirical}")
         if alike := alike_in_words(effect):
             say(f"  {alike}")
     if found.residual_force is not None:
