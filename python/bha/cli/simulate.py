@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.cli.common import arm_argument, console, json_option, print_json, progress_bar, reports_errors, say, table
 from bha.cli.logs import columns_option, missing_option, pressures_option
-from bha.diagnosis.force_table import ResidualTable
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 from bha.recordings.beginning import TAKEN, begins
@@ -85,6 +84,8 @@ def simulate(
     check_target(out)  # before the work, lest it be lost
     notes: list[str] = []
     if residual_path is not None:
+        from bha.diagnosis.force_table import ResidualTable  # noqa: PLC0415  (needs an optional extra)
+
         residual = ResidualTable.read(residual_path)
         arm, notes = residual.carried(arm), [residual.in_words()]
     with progress_bar(hidden=as_json) as bar:
