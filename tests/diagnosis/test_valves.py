@@ -44,9 +44,12 @@ def test_lag_and_dead_time_stand_among_the_arms_effects_unless_its_file_has_them
     assert [(e.kind, e.where) for e in with_valves(arm).parameters.effects] == [
         ("pressure_lag", "all"),
         ("delay", "all"),
+        ("pressure_lag", "all"),
     ]
     names = [c.path for c in coordinates_of(with_valves(arm).parameters)]
-    assert names == ["effect.1.fill", "effect.1.vent", "effect.2.time"]
+    assert names == ["effect.1.fill", "effect.1.vent", "effect.2.time", "effect.3.fill"]
+    # One time of the second stage for both ways.
+    assert coordinates_of(with_valves(arm).parameters)[-1].members == ("effect.3.fill", "effect.3.vent")
     model = plain_model(with_valves(arm), more=coordinates_of(with_valves(arm).parameters))
     assert [model.plain[k].path for k in lags_of(model)] == names[:2]
     own = arm.with_effects([{"kind": "creep", "where": "all", "stiffness": 50.0, "tau": 1.0}, *VALVES[::-1]])
@@ -85,7 +88,8 @@ def test_simulations_say_where_lag_and_dead_time_begin() -> None:
     lagging = with_valves(arm)
     starts = starts_of(lagging, records, 1)
     assert len({start.damping for start in starts}) == len(starts) == 2
-    lag, late = begun(lagging, min(starts, key=lambda start: abs(start.damping - 1.0))).parameters.effects
+    lag, late, second = begun(lagging, min(starts, key=lambda start: abs(start.damping - 1.0))).parameters.effects
+    assert second == lagging.parameters.effects[2]
     assert lag.parameters["fill"] == 0.2
     assert late.parameters["time"] in (0.05, 0.1)
 
@@ -105,7 +109,10 @@ def test_they_are_said_and_written_and_what_is_left_is_equivalent(tmp_path: Path
         assert high - low < 0.2 * true
     assert late.parameters["time"].value == pytest.approx(LATE, abs=5e-3)
     written = bha.Arm.load(tmp_path / "arm_diagnosed.toml").parameters.effects
-    assert [(e.kind, e.where) for e in written] == [("pressure_lag", "all"), ("delay", "all")]
+    assert [(e.kind, e.where) for e in written] == [("pressure_lag", "all"), ("delay", "all"), ("pressure_lag", "all")]
+    # These valves have one stage.
+    assert written[2].parameters["fill"] == written[2].parameters["vent"] < 0.1 * LAG["fill"]
+    assert written[2].provenance["vent"].status == "identified"
     assert written[0].parameters["fill"] == pytest.approx(lag.parameters["fill"].value)
     assert written[0].provenance["vent"].status == "identified"
 

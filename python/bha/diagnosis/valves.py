@@ -1,8 +1,9 @@
 """What lies between a command and its chamber, as numbers of the plain model: a lag and a dead time of all inputs.
 
 What: every arm whose logs hold commands alone has both, so that they are no finding of a search: they are free beside
-masses and stiffnesses from the start (:mod:`bha.estimation.lags` has their ranges). They stand as effects
-``pressure_lag`` and ``delay`` at ``all`` among the arm's own. Where they begin a search by simulations says: the loss
+masses and stiffnesses from the start (:mod:`bha.estimation.lags` has their ranges, and says why the lag has a second
+stage). They stand as effects ``pressure_lag``, once more for its second stage, and ``delay`` at ``all`` among the arm's
+own. Where they begin a search by simulations says: the loss
 has a valley for each way of dividing an arm's slowness into lag, dead time and damping, and a local fit ends in the one
 it began in.
 Limits: one lag and one dead time for all inputs. Gains and offsets of all inputs together act as areas and rest lengths
@@ -27,7 +28,8 @@ from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
 from bha.estimation.dynamics import trials
 from bha.estimation.engine import Model
 from bha.estimation.free import resolve
-from bha.estimation.lags import GREATEST, LATEST, LEAST, PATHS, START
+from bha.estimation.lags import GREATEST, LATEST, LEAST, PATHS, STAGE_SPREAD, STAGES, START
+from bha.estimation.lags import STAGE as SHORT
 from bha.estimation.runs import Integration
 from bha.estimation.terms import number_of
 from bha.parameters import paths
@@ -41,14 +43,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LAG, DELAY = "pressure_lag", "delay"
+#: The same lag once more, by one time for both ways: what stands behind its number is the second effect of its kind.
+STAGE = "second stage"
 #: Numbers of the two, with what reports call them.
 NUMBERS = {
     (LAG, "fill"): "lag of commands, filling",
     (LAG, "vent"): "lag of commands, venting",
     (DELAY, "time"): "dead time of commands",
+    (STAGE, "fill"): "second stage of commands",
 }
 #: How far they plausibly are from where they begin: a lag's logarithm, and a dead time, s.
 LAG_SPREAD, DELAY_SPREAD = 2.0, 0.1
+_RANGES = {
+    LAG: (LEAST, GREATEST, LAG_SPREAD),
+    DELAY: (0.0, LATEST, DELAY_SPREAD),
+    STAGE: (STAGES[0] * SHORT, STAGES[1] * SHORT, STAGE_SPREAD),
+}
 #: Lags and dead times from which the fit may begin, s, and factors on the file's damping at which they are tried.
 LAGS, DELAYS, DAMPINGS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), (0.0, 0.05, 0.1, 0.2), (0.2, 1.0, 5.0, 30.0)
 
@@ -59,13 +69,16 @@ SHORTEST = 4e-3
 
 
 def with_valves(arm: Arm) -> Arm:
-    """The arm with a lag and a dead time of its inputs, where its file has none that would stand for them."""
+    """The arm with a lag, of two stages, and a dead time of its inputs, where its file has none that stand for them."""
     own = {effect.kind for effect in arm.parameters.effects if effect.where == "all"}
     added = []
-    if LAG not in own and arm.pneumatics_level == "ideal":
+    lagging = LAG in own or arm.pneumatics_level != "ideal"
+    if not lagging:
         added.append({"kind": LAG, "where": "all", "fill": START, "vent": START})
     if DELAY not in own and arm.pneumatics_level != "full":
         added.append({"kind": DELAY, "where": "all", "time": 0.0})
+    if not lagging:
+        added.append({"kind": LAG, "where": "all", "fill": SHORT, "vent": SHORT})
     return arm.with_effects([*arm.parameters.effects, *added]) if added else arm
 
 
@@ -74,19 +87,19 @@ def coordinates_of(parameters: ArmParameters) -> tuple[Coordinate, ...]:
     found = []
     for path, kind, number in _paths(parameters):
         value = float(paths.get_value(parameters, path))
-        logarithmic = kind == LAG
-        low, high = (LEAST, GREATEST) if logarithmic else (0.0, LATEST)
+        low, high, spread = _RANGES[kind]
         own = coordinate(
             NUMBERS[kind, number],
             path,
             "s",
             min(max(value, low), high),
-            LAG_SPREAD if logarithmic else DELAY_SPREAD,
-            logarithmic=logarithmic,
+            spread,
+            logarithmic=kind != DELAY,
             low=low,
             high=high,
         )
-        found.append(replace(own, members=(path,)))
+        members = (path, f"{path.rpartition('.')[0]}.vent") if kind == STAGE else (path,)
+        found.append(replace(own, members=members))
     return tuple(found)
 
 
@@ -120,7 +133,7 @@ def starts_of(arm: Arm, records: Sequence[Record], threads: int | None) -> list[
     model = Model(arm.parameters, free, tuple(records), Integration(threads=threads))
     points, starts = [], []
     for late, lag, factor in product(DELAYS, LAGS, DAMPINGS):
-        times = {c.path: late if number_of(c) == "time" else lag for c in valves}
+        times = {c.path: late if number_of(c) == "time" else lag for c in valves if c.name != NUMBERS[STAGE, "fill"]}
         values = [times.get(c.path, factor * c.start) for c in free]
         points.append(np.array([c.coordinate(value) for c, value in zip(free, values, strict=True)]))
         starts.append(Start(times, factor))
@@ -179,8 +192,8 @@ def found_valves(model: Model, x: Array, uncertainty: Sequence[tuple[float, floa
     numbers: dict[str, dict[str, Number]] = {LAG: {}, DELAY: {}}
     kinds = {name: key for key, name in NUMBERS.items()}
     for k, own in enumerate(model.plain):
-        if own.name in kinds:
-            kind, number = kinds[own.name]
+        kind, number = kinds.get(own.name, (STAGE, ""))
+        if kind != STAGE:
             value = own.value(float(x[k]))
             numbers[kind][number] = Number(
                 value=value, unit="s", ci95=uncertainty[k], at_bound=own.at_bound(float(x[k]))
@@ -211,15 +224,18 @@ def _paths(parameters: ArmParameters) -> list[tuple[str, str, str]]:
         found += [
             (p, LAG, n) for p, n in zip(PATHS, ("fill", "vent"), strict=True) if p.rpartition(".")[2] not in known
         ]
-    seen = {LAG} if found else set()
+    stages = int(parameters.pneumatics is not None and parameters.pneumatics.level == "lag")
+    seen: set[str] = set()
     for k, effect in enumerate(parameters.effects, start=1):
-        if not _stands_for_valves(effect) or effect.kind in seen:
+        if not _stands_for_valves(effect):
             continue
-        seen.add(effect.kind)
+        kind = DELAY if effect.kind == DELAY else (LAG, STAGE)[min(stages, 1)]
+        stages += kind != DELAY
+        if kind in seen:
+            continue
+        seen.add(kind)
         known = published(effect.provenance)
         found += [
-            (f"effect.{k}.{number}", kind, number)
-            for kind, number in NUMBERS
-            if kind == effect.kind and number not in known
+            (f"effect.{k}.{number}", kind, number) for own, number in NUMBERS if own == kind and number not in known
         ]
     return found

@@ -193,7 +193,9 @@ def _valves_tables(arm: Arm, outcome: Investigation, references: list[dict[str, 
         first, *rest = c.path.split(".")
         # Without a table for pneumatics in the file the lag is an effect.
         table = mapping["effect"][int(rest[0]) - 1] if first == "effect" else mapping["pneumatics"]
-        table["provenance"] = {**table.get("provenance", {}), rest[-1]: _entry(outcome.uncertainty[k], references)}
+        entry = _entry(outcome.uncertainty[k], references)
+        numbers = {path.rpartition(".")[2]: entry for path in c.members or (c.path,)}
+        table["provenance"] = {**table.get("provenance", {}), **numbers}
     return {key: mapping[key] for key in ("pneumatics", "effect") if key in mapping}
 
 
