@@ -74,10 +74,15 @@ impl<T: Real> Drives<T> {
         self.each.iter().map(|d| d.input.next_bend(t + d.offset) - d.offset).fold(f64::INFINITY, f64::min)
     }
 
+    /// When the first sample of each lane's input is, s.
+    pub fn first_samples(&self) -> T {
+        // On its own clock an input begins at 0.
+        T::from_lanes(|k| -self.each[if self.each.len() == 1 { 0 } else { k }].offset)
+    }
+
     /// The first sample of all of them, s.
     pub fn first_sample(&self) -> f64 {
-        // On its own clock an input begins at 0.
-        self.each.iter().map(|d| -d.offset).fold(f64::INFINITY, f64::min)
+        self.first_samples().smallest()
     }
 
     /// The first one's caller's clock minus the plant's, s.

@@ -169,6 +169,8 @@ impl<T: Real> Plant<T> {
         while now < t {
             let next = self.drives.next_jump(now).min(chain.next_jump(&self.drives, now)).min(t);
             chain.begin_step(&self.arm.effects, &mut self.drives, now, next);
+            // As alone: an input that begins later bends nothing before.
+            chain.skip(self.drives.first_samples().min(T::from_f64(next)));
             chain.end_step(&self.arm.effects, &mut self.drives, next);
             now = next;
         }
