@@ -1,8 +1,8 @@
 """Lag and dead time of commanded pressures as ordinary free parameters: time constants of filling and venting, a delay.
 
 A chamber follows its command as p' = (command - p) / T, after the dead time of bus, valve and hose, and through a
-second stage: a spool, a tube. With one stage a dead time stands for the other, a tenth of a second too long, and an
-arm that rings is missed by several noises (docs/decisions/0020). Under measured pressures the pneumatics are left
+second stage: a spool, a tube. With one stage a dead time stands for the other, up to 80 ms too long, and an arm
+that rings is missed by several noises (docs/decisions/0020). Under measured pressures the pneumatics are left
 out, and so is this. An overdamped arm under commands follows through two lags in a row, that of its pressures and its
 own, damping over stiffness; what is told of the two is the time S that they have together. The lag alone comes from
 how the response bends, which is their product P: lag = (S + sqrt(S^2 - 4 P)) / 2, so that an error of P, dP / P,
