@@ -60,3 +60,21 @@ def test_a_run_from_rest_has_no_past() -> None:
     rest = arm.static_lengths(drive.pressures[70])
     np.testing.assert_allclose(run.lengths[0, 0], rest, rtol=0.0, atol=1e-9)
     assert np.max(np.abs(run.velocities[0, 1])) < 1e-6
+
+
+@pytest.mark.parametrize("effects", [(), (DELAY, STAGE)])
+def test_a_past_of_tenths_of_a_second_ends_where_the_run_begins(effects: tuple[dict[str, object], ...]) -> None:
+    """On the clock of lanes that begin at other times a sample may round to the moment that has been reached."""
+    arm = arm_of(LAG, *effects)
+    time = np.arange(300) / 10
+    levels = np.random.default_rng(4).uniform(1.1e5, 1.6e5, (300, len(arm.inputs)))
+    drive = bha.Input(time, levels, commanded=True)
+    state = np.concatenate([arm.static_lengths(levels[0]), np.zeros(3 * arm.section_count)])
+    cuts = time[7:280:7]
+    options = {"method": "rk4", "step": 5e-3}
+    abreast = bha.simulate_batch(
+        arm, drive, np.tile(state, (len(cuts), 1)), times=cuts[:, None] + [0.0, 0.05], start=cuts, **options
+    )
+    for cut, lengths in zip(cuts[::8], abreast.lengths[::8], strict=True):
+        alone = bha.simulate_batch(arm, drive, state[None], times=cut + np.array([0.0, 0.05]), start=cut, **options)
+        np.testing.assert_allclose(lengths, alone.lengths[0], rtol=0.0, atol=1e-9)

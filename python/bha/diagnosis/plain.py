@@ -3,9 +3,10 @@
 What: the plain fit (:mod:`bha.diagnosis.baseline`) is a local one. A data sheet's values are near enough; those of a
 tape measure are off by factors, and then the fit diverges or ends in another valley. Where it leaves much of the
 motion, or nothing comes of it, it is made again from where an identification would begin
-(:mod:`bha.estimation.begin`), and the better of the two counts. Under commands a lag and a dead time of all inputs are
-among its numbers (:mod:`bha.diagnosis.valves`): one stage, since several that are alike gained nothing on a real arm
-(docs/decisions/0017).
+(:mod:`bha.estimation.begin`), and the better of the two counts. Where that leaves a gap on the logs of the fit, the
+arm is identified as `bha identify` does, with what labs know as priors, and the fit made from there; it counts if it
+leaves no gap. Under commands a lag of two stages and a dead time of all inputs are among its numbers
+(:mod:`bha.diagnosis.valves`).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,15 +24,16 @@ from bha.diagnosis.baseline import Baseline, fit_baseline, prepare_runs
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.decide import faults_in_words
 from bha.diagnosis.model import plain_model
-from bha.diagnosis.valves import Start, at, begun, coordinates_of, starts_of, with_valves
+from bha.diagnosis.rules import MATERIAL
+from bha.diagnosis.valves import DELAY, LAG, Start, at, begun, coordinates_of, starts_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
 from bha.estimation.asked import holds_off, stands_elsewhere
 from bha.estimation.begin import begin
-from bha.estimation.free import apply, resolve
+from bha.estimation.free import FreeParameter, apply, resolve
 from bha.estimation.lags import is_of_commands, with_lag
 from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
-from bha.estimation.refinement import remembers
+from bha.estimation.refinement import Settings, refine, remembers
 from bha.estimation.runs import Integration
 from bha.estimation.scale import default_free_of
 from bha.parameters import ArmParameters
@@ -46,6 +48,8 @@ Tell = Callable[[str, float | None], None]
 #: Part of the motion (RMS over all outputs) that a plain fit may leave and still counts as found. Physics that is
 #: missing leaves 0.01 to 0.15 of it in the blind worlds; a fit in the wrong valley 0.3 and more.
 FOUND = 0.2
+#: Numbers of a section that have the scale of its forces.
+FORCES = ("mass", "inertia", "stiffness", "damping", "bending_stiffness", "axial_stiffness", "terminal_area")
 
 
 @dataclass(frozen=True)
@@ -55,14 +59,14 @@ class Plain:
     Attributes:
         arm: the arm whose values it began from, as its file would be: the file's own, or one moved from it.
         baseline: the fit.
-        moved: whether it began from other values than the file's.
+        moved: where its first values come from, if they are not the file's; for the notes.
         faults: by what logs and file do not belong together: what was known, or what was doubted and is one, since the
             file's values lead nowhere.
     """
 
     arm: Arm
     baseline: Baseline
-    moved: bool = False
+    moved: str = ""
     faults: tuple[Finding, ...] = ()
 
     @property
@@ -75,10 +79,13 @@ class Plain:
                 "told by that log's first pose (effect preload; the file has its mean)"
             )
         if self.moved:
-            texts.append(
-                "the plain model began where held poses and a search over dampings say, not at the file's values"
-            )
+            texts.append(f"the plain model began {self.moved}, not at the file's values")
         return texts
+
+    @property
+    def gap(self) -> float:
+        """What it leaves of the training logs over their noise, RMS of the white residual."""
+        return float(np.sqrt(self.baseline.fit.squares / self.baseline.problem.rows))
 
     @property
     def left(self) -> float:
@@ -136,13 +143,17 @@ def fit_plain(
         InputError: it diverges, and logs and file do not belong together.
     """
 
-    def fitted(start: Arm, label: str) -> Plain:
-        starts: list[Start] = []
+    # An arm that stands elsewhere after each use creeps: a data sheet's damping is off by orders of magnitude.
+    held_off = bool(preloaded(arm.parameters)) and not (faults or doubts)
+
+    def fitted(start: Arm, label: str, moved: str = "", *, identified: bool = False) -> Plain:
+        starts = [Start({}, 1.0)] if identified else []
         if commanded:
-            tell("looking for lag and dead time of the commands", None)
             start = with_valves(start)
-            if starts := starts_of(start, train, threads):
-                start = begun(start, starts[0])
+            if not identified:
+                tell("looking for lag and dead time of the commands", None)
+                if starts := starts_of(start, train, threads):
+                    start = begun(start, starts[0])
         acting = start if commanded else start.with_changes(pneumatics="ideal")
         valves = coordinates_of(acting.parameters) if commanded else ()
         model = replace(plain_model(acting, camera=camera, more=valves), integration=Integration(threads=threads))
@@ -151,37 +162,49 @@ def fit_plain(
         model = replace(model.on(prepared.records), integration=prepared.integration(threads))
         tell("re-identifying the plain model", None)
         begins = [at(model, own) for own in starts]
-        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins), bool(label))
+        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins), moved)
 
     def begun_anew() -> Plain | None:
         tell("looking for where to begin", None)
         start = _begun(arm, train, threads, commanded)
         if start is not None:
             with suppress(ConvergenceError):
-                return fitted(start, "begun")
+                return fitted(start, "begun", "where held poses and a search over dampings say")
         return None
+
+    def settled(found: Plain) -> Plain:
+        """What was found, or where that leaves a gap the fit that an identification leads to, if that leaves none.
+
+        With more that is free and priors of its own it may take up an effect; what is not needed is no finding.
+        """
+        if found.gap < MATERIAL or held_off or faults or doubts:
+            return found
+        tell("identifying the plain arm", None)
+        if (start := _identified(arm, train, threads, commanded)) is not None:
+            with suppress(ConvergenceError):
+                other = fitted(start, "identified", "at what an identification of the logs finds", identified=True)
+                return other if other.gap < MATERIAL else found
+        return found
 
     first: Plain | None = None
     second: Plain | None = None
     why: ConvergenceError | None = None
-    # An arm that stands elsewhere after each use creeps: a data sheet's damping is off by orders of magnitude.
-    remembers = bool(preloaded(arm.parameters)) and not (faults or doubts)
-    if remembers and (second := begun_anew()) is not None and second.left < FOUND:
+    if held_off and (second := begun_anew()) is not None and second.left < FOUND:
         return second
     try:
         first = fitted(arm, "")
         if first.left < FOUND or faults or doubts:
-            return replace(first, faults=tuple(faults if first.left < FOUND else (*faults, *doubts)))
+            return settled(replace(first, faults=tuple(faults if first.left < FOUND else (*faults, *doubts))))
     except ConvergenceError as error:
         if wrong := [*faults, *doubts]:
             raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
         why = error
-    if not remembers:
+    if not held_off:
         second = begun_anew()
     fits = [fit for fit in (first, second) if fit is not None]
     if why is not None and not fits:
         raise why
-    return min(fits, key=lambda fit: fit.left)
+    return settled(min(fits, key=lambda fit: fit.left))
 
 
 def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bool) -> Arm | None:
@@ -190,10 +213,7 @@ def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bo
     Of commands without their lag and dead time, which are looked for anew from there.
     """
     try:
-        lagging, lags = with_lag(arm, train) if commanded else (arm, ())
-        free = (*default_free_of(arm.parameters, train), *lags)
-        if preloaded(arm.parameters):
-            free = tuple(f for f in free if not holds_off(f.path))
+        lagging, free = _free(arm, train, commanded)
         found = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
         if found.from_file:
             return None
@@ -202,6 +222,56 @@ def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bo
         return arm.with_parameters(_with_free_areas(moved, arm.parameters))
     except BhaError:
         return None
+
+
+def _identified(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bool) -> Arm | None:
+    """The arm that an identification of these logs finds, valves of commands included; None where it finds none."""
+    try:
+        lagging, free = _free(arm, train, commanded, second=True)
+        start = begin(lagging, train, free, whole=remembers(lagging, train), threads=threads)
+        found = refine(start.arm, train, start.free, Settings(threads=threads, draws=0, prediction_error=False)).arm
+        scaled = _at_the_files_scale(found.parameters, arm.parameters)
+        return found.with_parameters(_with_free_areas(scaled, arm.parameters))
+    except BhaError:
+        return None
+
+
+def _at_the_files_scale(found: ArmParameters, file: ArmParameters) -> ArmParameters:
+    """The parameters with all forces and masses times one number, which no motion tells, so that areas are the file's.
+
+    Areas are what a diagnosis counts as known; an identification goes by masses. As they are where effects of the file
+    have forces of their own.
+    """
+    if not all(effect.kind in (LAG, DELAY) for effect in found.effects):
+        return found
+    ratios = [
+        before.terminal_area / own.terminal_area for own, before in zip(found.sections, file.sections, strict=True)
+    ]
+    factor = float(np.exp(np.mean(np.log(ratios))))
+    mapping = found.to_mapping()
+
+    def scaled(table: dict[str, Any]) -> dict[str, Any]:
+        return {
+            key: np.multiply(value, factor).tolist()
+            if key in FORCES
+            else [scaled(own) for own in value]
+            if key in ("bellows", "masses")
+            else value
+            for key, value in table.items()
+        }
+
+    return found.updated({"section": [scaled(table) for table in mapping["section"]]})
+
+
+def _free(
+    arm: Arm, train: Sequence[Record], commanded: bool, *, second: bool = False
+) -> tuple[Arm, tuple[FreeParameter, ...]]:
+    """The arm and what an identification of these logs leaves free of it, but for what its first poses tell."""
+    lagging, lags = with_lag(arm, train, second=second) if commanded else (arm, ())
+    free = (*default_free_of(arm.parameters, train), *lags)
+    if preloaded(arm.parameters):
+        free = tuple(f for f in free if not holds_off(f.path))
+    return lagging, free
 
 
 def _with_free_areas(moved: ArmParameters, file: ArmParameters) -> ArmParameters:

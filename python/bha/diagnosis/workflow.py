@@ -26,7 +26,7 @@ from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_told
 from bha.diagnosis.noises import disturbed_outputs, mean_white_square
-from bha.diagnosis.plain import fit_plain, remembering
+from bha.diagnosis.plain import FOUND, fit_plain, remembering
 from bha.diagnosis.preparation import (
     cut_to,
     from_rest,
@@ -197,8 +197,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     limits = tolerant(limits, tolerance, noise_rms)
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
     memory = remembered(problem, plain_fit, holdout, prediction, noise_rms, limits)
+    # Names of many effects would mend what the file has wrong; one may hint at a fault that is none.
+    rules = replace(rules, most=1) if faults or memory is not None else rules
+    # Beside a model that shows no more than a part of the motion nothing tells an effect.
+    hopeless = bool(faults) and plain.left >= FOUND
     if memory is not None:
-        rules = replace(rules, most=1)
         state.notes.append("the arm remembers: beside the form of its memory no further effect is sought")
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]
@@ -209,7 +212,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     try:
         signatures = probe(problem, plain_fit, plans, lambda share: say("screening all candidates", share), cache)
         state.screening = score(problem, plain_fit, signatures)
-        wanted = gap.significant and np.isfinite(gap.mean_square)
+        wanted = gap.significant and np.isfinite(gap.mean_square) and not hopeless
         beside = unlogged(problem, plain_fit, holdout, prediction, state.screening, seed) if wanted else None
         if wanted and not (beside is not None and beside.is_a_disturbance):
             search(Given(problem, holdout, signatures, core_ranges(), rules, noise_rms, timely), state)
@@ -218,17 +221,17 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
+    before, after = _compared(state, prediction, before)
     # All over the same blocks: those in which no model has run away.
     until = [min(ends) for ends in zip(prediction.until, state.best.prediction.until, strict=True)]
-    after = before
-    if state.best.candidates and np.isfinite(prediction.mean_square):
-        before, after = rms_errors(prediction, state.best.prediction)
     state.notes += [
         f"{record.name}: compared up to {end:.1f} s; after that a model runs away"
         for record, end in zip(held, until, strict=True)
         if np.isfinite(end)
     ]
     decision = decide(state, gap, noise_rms, limits, tolerance)
+    if hopeless and decision.verdict == "unexplained":
+        decision = replace(decision, reason="no effect is sought before")
     if beside is not None and state.complete:
         decision = beside.judge(decision, noise_rms)
         decision = _completed(decision, state, problem, holdout, signatures, (before, after), seed)
@@ -278,6 +281,22 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         baseline=baseline,
         uncertainty=uncertainty,
     )
+
+
+def _compared(state: Search, prediction: Prediction, plain: float) -> tuple[float, float]:
+    """Errors of the plain model and of the best set on the held-out logs, m RMS, over the same blocks.
+
+    ``plain`` is that of the plain model alone. A set that runs away before anything is compared is refuted.
+    """
+    best = state.best
+    if not best.candidates or not np.isfinite(prediction.mean_square):
+        return plain, plain
+    before, after = rms_errors(prediction, best.prediction)
+    if np.isfinite(before) and np.isfinite(after):
+        return before, after
+    state.notes.append(f"dropped: {best.label} (the model with it runs away on the held-out logs)")
+    state.best = state.plain
+    return plain, plain
 
 
 def _known(

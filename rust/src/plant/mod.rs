@@ -63,6 +63,11 @@ pub struct Plant<T = f64> {
     preceded: bool,
 }
 
+/// `next`, or a moment after `now`: on another clock a sample may round to where it has been reached, again and again.
+fn beyond(now: f64, next: f64) -> f64 {
+    next.max(now + 1e-9)
+}
+
 impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
@@ -153,7 +158,7 @@ impl<T: Real> Plant<T> {
         let mut now = self.drives.first_sample().min(t);
         self.drives.pressures(now, false, out);
         while now < t {
-            let next = self.drives.next_jump(now).min(self.drives.next_bend(now)).min(t);
+            let next = beyond(now, self.drives.next_jump(now).min(self.drives.next_bend(now))).min(t);
             self.drives.pressures(now, false, &mut from);
             self.drives.pressures(next, true, &mut to);
             lag.pressures(T::from_f64(next - now), &from, out, &mut to);
@@ -167,7 +172,7 @@ impl<T: Real> Plant<T> {
         let Some(chain) = &mut self.chain else { return };
         let mut now = since;
         while now < t {
-            let next = self.drives.next_jump(now).min(chain.next_jump(&self.drives, now)).min(t);
+            let next = beyond(now, self.drives.next_jump(now).min(chain.next_jump(&self.drives, now))).min(t);
             chain.begin_step(&self.arm.effects, &mut self.drives, now, next);
             // As alone: an input that begins later bends nothing before.
             chain.skip(self.drives.first_samples().min(T::from_f64(next)));
