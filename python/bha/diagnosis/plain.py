@@ -4,9 +4,9 @@ What: the plain fit (:mod:`bha.diagnosis.baseline`) is a local one. A data sheet
 tape measure are off by factors, and then the fit diverges or ends in another valley. Where it leaves much of the
 motion, or nothing comes of it, it is made again from where an identification would begin
 (:mod:`bha.estimation.begin`), and the better of the two counts. Where that leaves a gap on the logs of the fit, the
-arm is identified as `bha identify` does, with what labs know as priors, and the fit made from there; it counts if it
-leaves no gap. Under commands a lag of two stages and a dead time of all inputs are among its numbers
-(:mod:`bha.diagnosis.valves`).
+arm is identified with what labs know as priors, springs of as many powers as its file has, and the fit made from
+there; it counts if it leaves no gap. Under commands a lag of two stages and a dead time of all inputs are among its
+numbers (:mod:`bha.diagnosis.valves`).
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from bha.diagnosis.shortcuts import PressureProbe, acting_pressures
 from bha.estimation.dynamics import trials
 from bha.estimation.engine import Model
 from bha.estimation.free import resolve
-from bha.estimation.lags import GREATEST, LATEST, LEAST, PATHS, STAGE_SPREAD, STAGES, START
+from bha.estimation.lags import DELAY_SPREAD, GREATEST, LATEST, LEAST, PATHS, STAGE_SPREAD, STAGES, START
 from bha.estimation.lags import STAGE as SHORT
 from bha.estimation.runs import Integration
 from bha.estimation.terms import number_of
@@ -52,8 +52,8 @@ NUMBERS = {
     (DELAY, "time"): "dead time of commands",
     (STAGE, "fill"): "second stage of commands",
 }
-#: How far they plausibly are from where they begin: a lag's logarithm, and a dead time, s.
-LAG_SPREAD, DELAY_SPREAD = 2.0, 0.1
+#: How far a lag's logarithm plausibly is from where it begins; least, greatest and spread of each, s.
+LAG_SPREAD = 2.0
 _RANGES = {
     LAG: (LEAST, GREATEST, LAG_SPREAD),
     DELAY: (0.0, LATEST, DELAY_SPREAD),
@@ -61,7 +61,6 @@ _RANGES = {
 }
 #: Lags and dead times from which the fit may begin, s, and factors on the file's damping at which they are tried.
 LAGS, DELAYS, DAMPINGS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), (0.0, 0.05, 0.1, 0.2), (0.2, 1.0, 5.0, 30.0)
-
 #: How many of them are fitted.
 STARTS = 2
 #: A time of less than this, s, is none.
@@ -190,10 +189,11 @@ def found_valves(model: Model, x: Array, uncertainty: Sequence[tuple[float, floa
         uncertainty: 95 % interval of each of them.
     """
     numbers: dict[str, dict[str, Number]] = {LAG: {}, DELAY: {}}
-    kinds = {name: key for key, name in NUMBERS.items()}
+    # The second stage is an estimate beside the lag, no effect of its own.
+    kinds = {name: key for key, name in NUMBERS.items() if key[0] != STAGE}
     for k, own in enumerate(model.plain):
-        kind, number = kinds.get(own.name, (STAGE, ""))
-        if kind != STAGE:
+        if own.name in kinds:
+            kind, number = kinds[own.name]
             value = own.value(float(x[k]))
             numbers[kind][number] = Number(
                 value=value, unit="s", ci95=uncertainty[k], at_bound=own.at_bound(float(x[k]))

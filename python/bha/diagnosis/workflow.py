@@ -237,11 +237,11 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         decision = _completed(decision, state, problem, holdout, signatures, (before, after), seed)
     say("intervals and report")
     final = state.best if decision.verdict == "named" else state.plain
-    fit, draws, uncertainty = _known(problem, final, signatures, seed)
-    if final.candidates and not _is_told(problem, replace(final, fit=fit), signatures, seed):
+    fit, draws, uncertainty, told = _known(problem, final, signatures, seed)
+    if not told:
         decision = untold(decision, final.label)
         final = state.plain
-        fit, draws, uncertainty = _known(problem, final, signatures, seed)
+        fit, draws, uncertainty, _ = _known(problem, final, signatures, seed)
     verdict = without_faults(decision, faults)
     errors = (before, after if verdict.verdict == "named" else before)
     diagnosis = describe(
@@ -301,20 +301,17 @@ def _compared(state: Search, prediction: Prediction, plain: float) -> tuple[floa
 
 def _known(
     problem: Problem, trial: Trial, signatures: Signatures, seed: int
-) -> tuple[Fit, Array, list[tuple[float, float]]]:
-    """The fit of a set with its sensitivities, draws of what the logs leave open of it, and its intervals."""
+) -> tuple[Fit, Array, list[tuple[float, float]], bool]:
+    """The fit of a set with its sensitivities, draws of what the logs leave open of it, its intervals, and whether
+    there is some of what it names (:func:`bha.diagnosis.intervals.is_told`)."""
     if not trial.candidates:
         draws = coordinate_draws(problem, trial.fit, seed)
-        return trial.fit, draws, intervals(trial.fit, draws)
+        return trial.fit, draws, intervals(trial.fit, draws), True
     fit = with_sensitivities(problem, trial.fit)
-    draws = coordinate_draws(problem, fit, seed, form_deviation(problem, fit, signatures, seed))
-    return fit, draws, intervals(fit, draws)
-
-
-def _is_told(problem: Problem, trial: Trial, signatures: Signatures, seed: int) -> bool:
-    """Whether there is some of what a set names, see :func:`bha.diagnosis.intervals.is_told`."""
-    form = form_deviation(problem, trial.fit, signatures, seed)
-    return is_told(trial, coordinate_draws(problem, trial.fit, seed, form, between_logs=False))
+    form = form_deviation(problem, fit, signatures, seed)
+    draws = coordinate_draws(problem, fit, seed, form)
+    told = is_told(replace(trial, fit=fit), coordinate_draws(problem, fit, seed, form, between_logs=False))
+    return fit, draws, intervals(fit, draws), told
 
 
 def _completed(
