@@ -22,12 +22,16 @@ from bha.support.files import make_folder
 from bha.support.later import imported_later
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from bha.arm import Arm
+    from bha.checkup import Checkup
     from bha.diagnosis.force_summary import Unexplained
     from bha.diagnosis.force_table import ResidualTable
     from bha.diagnosis.refit import Trial
-    from bha.diagnosis.result import Diagnosis
+    from bha.diagnosis.result import Diagnosis, Made
     from bha.diagnosis.rules import Rules
+    from bha.diagnosis.standing import Standing
     from bha.diagnosis.words import headline
     from bha.diagnosis.workflow import Investigation, run
     from bha.logs import Log
@@ -101,9 +105,8 @@ def diagnose(
         with ``complete`` false.
 
     Raises:
-        InputError: no logs, a tolerance that is none, logs without outputs or with different ones; another diagnosis
-            is at work in ``out``,
-            or a file of the results' names there is none of a diagnosis.
+        InputError: no logs, a tolerance that is none, an unknown kind, logs without outputs or with different ones;
+            another diagnosis is at work in ``out``, or a file of the results' names there is none of a diagnosis.
         FileError: a file cannot be written.
         LogError: a log lacks a pressure of the arm.
         ConvergenceError: the arm diverges under these logs.
@@ -113,7 +116,7 @@ def diagnose(
     if out is not None and report:
         import_extra("plotly", extra="report", purpose="The report of a diagnosis")
     folder = None if out is None else make_folder(out)
-    from bha.diagnosis import force_summary, slowness, workflow, written  # noqa: PLC0415  (SciPy is an extra)
+    from bha.diagnosis import catalogue, force_summary, slowness, standing, workflow, written  # noqa: PLC0415  (SciPy is an extra)
     from bha.diagnosis.cache import cache_folder  # noqa: PLC0415
     from bha.diagnosis.splitting import split  # noqa: PLC0415
 
@@ -123,6 +126,7 @@ def diagnose(
         raise InputError(f"limit: found {limit}; allowed: a number > 0 (s), or None")
     if not logs:
         raise InputError("logs: none; at least one is needed")
+    catalogue.available(kinds)
     checkup = checked(arm, [*logs, *holdout], pressures=pressures, repair=repair)
     arm = checkup.arm
     train, held = checkup.recordings[: len(logs)], checkup.recordings[len(logs) :]
@@ -130,6 +134,10 @@ def diagnose(
     with nullcontext() if folder is None else cache_folder(folder) as kept:
         if folder is not None:
             written.check_results(folder, report=report)
+        if (still := standing.standing(train, held)) is not None:
+            return _of_still_logs(
+                checkup, still, written.made_by(command, seed, train, held), folder, tolerance, report
+            )
         outcome = workflow.run(
             train,
             held,
@@ -162,11 +170,28 @@ def diagnose(
             update["residual_force"] = force.found
         outcome = replace(outcome, diagnosis=outcome.diagnosis.model_copy(update=update))
         if folder is not None:
-            diagnosed.save(folder / "arm_diagnosed.toml")
+            page = None
             if report:
-                from bha.diagnosis.report import write_report  # noqa: PLC0415  (Plotly is an extra)
+                from bha.diagnosis.report import report_html  # noqa: PLC0415  (Plotly is an extra)
 
-                write_report(outcome, diagnosed, folder / "report.html", force)
-            outcome.diagnosis.write(folder / "diagnosis.json")
-            written.remove_outdated(folder, outcome.diagnosis)
+                page = report_html(outcome, diagnosed, force)
+            written.write_results(folder, outcome.diagnosis, diagnosed, page)
     return outcome.diagnosis
+
+
+def _of_still_logs(
+    checkup: Checkup, still: Standing, made: Made, folder: Path | None, tolerance: float, report: bool
+) -> Diagnosis:
+    """The diagnosis of logs in which nothing moves, written where there is a folder."""
+    from bha.diagnosis import standing, written  # noqa: PLC0415  (SciPy is an extra)
+
+    found = standing.diagnosis(checkup.arm, still, checkup.faults, tolerance)
+    found = found.model_copy(update={"made": made, "setup": [*checkup.repairs, *found.setup]})
+    if folder is not None:
+        page = None
+        if report:
+            from bha.diagnosis.report import standing_html  # noqa: PLC0415  (Plotly is an extra)
+
+            page = standing_html(found, checkup.arm)
+        written.write_results(folder, found, checkup.arm, page)
+    return found

@@ -146,16 +146,26 @@ def prepare_runs(model: Model, records: Sequence[Record]) -> Prepared:
     )
 
 
+def without_room(lengths: Array) -> tuple[int, float] | None:
+    """The section, from 1, whose bellows have no length left between its stiff pieces, and that length, m; or None.
+
+    ``lengths`` are those of a pose, m, shape (3n,).
+    """
+    means = lengths.reshape(-1, 3).mean(axis=1)
+    section = int(np.argmin(means))
+    return (section + 1, float(means[section])) if means[section] <= 0.0 else None
+
+
 def refuse_impossible(records: Sequence[Record], states: Sequence[Array]) -> None:
     """Refuse first poses in which the arm of the file has no length left between its stiff pieces."""
     for record, state in zip(records, states, strict=True):
-        lengths = state[: len(state) // 2].reshape(-1, 3).mean(axis=1)
-        section = int(np.argmin(lengths))
-        if lengths[section] <= 0.0:
+        if short := without_room(state[: len(state) // 2]):
+            section, length = short
             raise ConvergenceError(
-                f"{record.name}: begins where the bellows of section {section + 1} would be "
-                f"{1e3 * lengths[section]:.1f} mm long by the file's arm; allowed: more than 0; measure base_offset "
-                "and head_offset of the file again, where its base and its markers are, and the units of the positions"
+                f"{record.name}: begins where the bellows of section {section} would be "
+                f"{1e3 * length:.1f} mm long by the file's arm; allowed: more than 0; measure base_offset "
+                "and head_offset of the file again, where its base and its markers are, and the units of the "
+                "positions; or leave the log out"
             )
 
 

@@ -130,13 +130,13 @@ def describe(
             ),
             "plain": values,
             "setup": [text for text in [said_of_camera(final.fit.model, uncertainty, final.fit.x)] if text],
-            "logs": [plain(_log_facts(r, "training")) for r in train]
-            + [plain(_log_facts(r, "held out")) for r in held],
+            "logs": [plain(log_facts(r, "training")) for r in train] + [plain(log_facts(r, "held out")) for r in held],
         }
     )
 
 
-def _log_facts(record: Record, part: str) -> dict[str, Any]:
+def log_facts(record: Record, part: str) -> dict[str, Any]:
+    """What the report says of a log that took part."""
     return {
         "name": record.name,
         "part": part,

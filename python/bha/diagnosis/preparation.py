@@ -97,6 +97,25 @@ def prepare(recording: Recording, *, name: str | None = None, pressure_noise: Ar
     return made.with_noise(reading_noise(made.facts)).with_pressure_noise(recording.acting_noise(noise))
 
 
+def records_of(logs: Sequence[Recording], holdout_logs: Sequence[Recording]) -> tuple[list[Record], list[Record]]:
+    """Training and held-out records of the logs of one diagnosis; split (:func:`split`) where none are held out.
+
+    Raises:
+        InputError: a log is none that can be diagnosed, or they do not have the same outputs.
+    """
+    noise = sensed_noise([*logs, *holdout_logs])
+    train = [prepare(log, pressure_noise=noise) for log in logs]
+    held = [prepare(log, pressure_noise=noise) for log in holdout_logs]
+    for record in [*train, *held]:
+        if record.channels != train[0].channels:
+            raise InputError(
+                f"{record.name}: measures {', '.join(record.channels)}; "
+                f"{train[0].name} measures {', '.join(train[0].channels)}; "
+                "the logs of one diagnosis need the same outputs"
+            )
+    return (train, held) if held else split(train)
+
+
 def from_rest(record: Record) -> Record:
     """The record from where the arm first rests under its pressures; as it is if it does so at once, or never.
 

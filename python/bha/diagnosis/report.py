@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +18,6 @@ from bha.diagnosis.words import (
     slow_in_words,
 )
 from bha.support.extras import import_extra
-from bha.support.files import written_whole
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -53,29 +51,17 @@ th, td {
 """
 
 
-def write_report(
-    outcome: Investigation, arm: Arm, path: str | os.PathLike[str], unexplained: Unexplained | None = None
-) -> None:
-    """Write the report, whole or not at all.
+def report_html(outcome: Investigation, arm: Arm, unexplained: Unexplained | None = None) -> str:
+    """The text of the report.
 
     Args:
         outcome: what was found.
         arm: the arm with what was found, as ``arm_diagnosed.toml`` has it.
-        path: where to.
         unexplained: the residual force, of that verdict.
 
     Raises:
-        InputError: the folder does not exist.
         MissingExtraError: Plotly is not installed.
     """
-    text = report_html(outcome, arm, unexplained)
-    with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-
-
-def report_html(outcome: Investigation, arm: Arm, unexplained: Unexplained | None = None) -> str:
-    """The text of the report; arguments as for :func:`write_report`."""
-    offline = import_extra("plotly.offline", extra="report", purpose="The report of a diagnosis")
     found = outcome.diagnosis
     parts: list[str] = [_head(found, arm.name)]
     figure = _Figures(parts)
@@ -115,6 +101,22 @@ def report_html(outcome: Investigation, arm: Arm, unexplained: Unexplained | Non
     figure.add(figures.spectrum_figure(found))
     parts.append(f"{_residual(found)}</details>")
     parts.append(f"<details><summary>What these logs can tell</summary>{_excitation(found)}</details>")
+    return _page(found, arm, parts, figure)
+
+
+def standing_html(found: Diagnosis, arm: Arm) -> str:
+    """The text of the report on logs in which nothing moves: of these there is no model to be shown.
+
+    Raises:
+        MissingExtraError: Plotly is not installed.
+    """
+    parts: list[str] = [_head(found, arm.name)]
+    return _page(found, arm, parts, _Figures(parts))
+
+
+def _page(found: Diagnosis, arm: Arm, parts: list[str], figure: _Figures) -> str:
+    """The page of what is in ``parts``, closed by its logs and how it was made."""
+    offline = import_extra("plotly.offline", extra="report", purpose="The report of a diagnosis")
     parts.append(f"<details><summary>Logs, and how this was made</summary>{_logs(found)}{_made(found)}</details>")
     title = escape(f"Diagnosis of {arm.name}")
     return (
@@ -163,8 +165,10 @@ def _head(found: Diagnosis, arm_name: str) -> str:
         f"<h1>{escape(headline(found))}</h1><p>"
         + (f"{escape(VERDICTS[found.verdict])}: {escape(names)}. " if names else "")
         + f"{escape(_capital(found.reason))}.</p>{incomplete}</div>"
-        f"<p>{escape(_capital(errors_in_words(found.gap, named=found.has_names)))}. These logs took no part "
-        "in any fit; the plain model was identified again first.</p>"
+        f"<p>{escape(_capital(errors_in_words(found.gap, named=found.has_names)))}. "
+        + ("These logs took no part in any fit; the plain model was identified again first" if found.plain else "")
+        + ("" if found.plain else "Nothing was fitted: the arm is held where the other logs show it")
+        + ".</p>"
         + "".join(f"<p>Setup: {escape(text)}.</p>" for text in found.setup)
     )
 

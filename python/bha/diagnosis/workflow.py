@@ -31,10 +31,8 @@ from bha.diagnosis.preparation import (
     cut_to,
     from_rest,
     left_open_in_words,
-    prepare,
-    sensed_noise,
+    records_of,
     sound_records,
-    split,
     thin,
     with_least_noise,
 )
@@ -50,7 +48,6 @@ from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
 from bha.diagnosis.where import locate
-from bha.errors import InputError
 from bha.estimation.asked import stands_elsewhere
 from bha.estimation.engine import Model
 from bha.estimation.records import Record, Window
@@ -334,18 +331,7 @@ def _completed(
 def _records(
     arm: Arm, logs: Sequence[Recording], holdout_logs: Sequence[Recording], commanded: bool
 ) -> tuple[list[Record], list[Record]]:
-    noise = sensed_noise([*logs, *holdout_logs])
-    train = [prepare(log, pressure_noise=noise) for log in logs]
-    held = [prepare(log, pressure_noise=noise) for log in holdout_logs]
-    for record in [*train, *held]:
-        if record.channels != train[0].channels:
-            raise InputError(
-                f"{record.name}: measures {', '.join(record.channels)}; "
-                f"{train[0].name} measures {', '.join(train[0].channels)}; "
-                "the logs of one diagnosis need the same outputs"
-            )
-    if not held:
-        train, held = split(train)
+    train, held = records_of(logs, holdout_logs)
     whole = with_least_noise([*train, *held])
     # Where an arm remembers, each log tells by its first pose how it stood, and under which command that was.
     if commanded and not (preloaded(arm.parameters) or stands_elsewhere(whole[: len(train)])):

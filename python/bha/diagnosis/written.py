@@ -19,7 +19,7 @@ from bha.estimation.free import with_values
 from bha.estimation.preload import typical
 from bha.parameters import paths
 from bha.recordings.beginning import preloaded
-from bha.support.files import check_target
+from bha.support.files import check_target, written_whole
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -69,11 +69,21 @@ def check_results(folder: Path, *, report: bool) -> None:
             raise InputError(f"{path}: was not written by bha diagnose; move it away, or name another folder")
 
 
-def remove_outdated(folder: Path, found: Diagnosis) -> None:
-    """Remove what an earlier diagnosis left in the folder and this one does not have: a proposal, a residual force.
+def write_results(folder: Path, found: Diagnosis, arm: Arm, page: str | None) -> None:
+    """Write a diagnosis, the arm with what it found and, where there is one, the page of its report, each whole.
 
-    Only after :func:`check_results`, which says that they are those of a diagnosis.
+    Only after :func:`check_results`, which says that what they replace is of a diagnosis.
     """
+    arm.save(folder / "arm_diagnosed.toml")
+    if page is not None:
+        with written_whole(folder / "report.html") as temporary:
+            temporary.write_text(page, encoding="utf-8", newline="\n")
+    found.write(folder / "diagnosis.json")
+    _remove_outdated(folder, found)
+
+
+def _remove_outdated(folder: Path, found: Diagnosis) -> None:
+    """Remove what an earlier diagnosis left in the folder and this one does not have: a proposal, a residual force."""
     force = found.residual_force
     has = {
         NEXT_EXPERIMENT: found.next_experiment is not None,
