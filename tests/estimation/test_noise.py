@@ -12,7 +12,8 @@ import pytest
 import bha
 from bha.estimation.noise import Noise, redrawn_errors, ways_of
 from bha.estimation.records import record
-from bha.estimation.refinement import Refinement, Settings, refine
+from bha.estimation.refinement import Refinement, refine
+from bha.estimation.settings import Settings
 from bha.identification import default_free
 
 sys.path.insert(0, str(Path(__file__).parents[2]))

@@ -8,7 +8,8 @@ import pytest
 import bha
 from bha.estimation.lags import common_times, second_stage, with_lag
 from bha.estimation.records import record
-from bha.estimation.refinement import Settings, refine
+from bha.estimation.refinement import refine
+from bha.estimation.settings import Settings
 from bha.parameters import ArmParameters
 
 FIRST, SECOND, LATE, NOISE = 0.12, 0.04, 0.05, 1e-4

@@ -15,7 +15,7 @@ from bha.cli.identified import show, write_figures, write_parameters
 from bha.cli.logs import columns_option, missing_option, pressures_option, read_logs, repair_option
 from bha.cli.procedure import check_options, finish_procedure
 from bha.errors import InputError
-from bha.estimation.refinement import Settings
+from bha.estimation.settings import Settings
 from bha.identification.procedures import PROCEDURES, ProcedureName, carry_out
 from bha.identification.stiffness import HIGHEST_ORDER
 from bha.identification.workflow import identify

@@ -33,9 +33,10 @@ from bha.estimation.free import FreeParameter, apply, resolve
 from bha.estimation.lags import is_of_commands, with_lag
 from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
-from bha.estimation.refinement import Settings, refine, remembers
+from bha.estimation.refinement import refine, remembers
 from bha.estimation.runs import Integration
 from bha.estimation.scale import default_free_of
+from bha.estimation.settings import Settings
 from bha.parameters import ArmParameters
 from bha.recordings.beginning import preloaded
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
 from bha.estimation.problem import Normal, Point, Problem
+from bha.estimation.solver import Outcome
 from bha.estimation.steps import bounded_step
 
 Array = NDArray[np.float64]
@@ -32,6 +33,10 @@ Array = NDArray[np.float64]
 PAIRS = 1
 #: A direction counts as measured if more than this part of its information is not noise of the pressures.
 MEASURED_SHARE = 0.3
+#: Most steps by which the shift of pressure noise is taken off.
+_CORRECTIONS = 4
+#: By how many times what a linear model says the loss may rise with them.
+_FAITHFUL = 3.0
 
 
 @dataclass(frozen=True)
@@ -138,6 +143,41 @@ def corrected(problem: Problem, point: Point, normal: Normal, *, seed: int = 0, 
     # Cut off at a bound only afterwards, a step would leave the others where they make up for what is not allowed.
     step = bounded_step(information + prior, measured @ (gradient - pull) + pull, low - point.z, high - point.z)
     return Corrected(information, measured, step, better.state_steps(step))
+
+
+def without_pressure_noise(
+    problem: Problem, outcome: Outcome, *, seed: int, draws: int
+) -> tuple[Outcome, Normal, Corrected]:
+    """The outcome with what pressure noise has moved it by taken off, normal equations and information there."""
+    normal = problem.normal(outcome.point, keep=True)
+    if not draws or not is_noisy(problem):
+        return outcome, normal, uncorrected(problem, normal)
+    bounds = np.array([c.bounds for c in problem.model.coordinates]).T
+    better = corrected(problem, outcome.point, normal, seed=seed)
+    before = problem.evaluated(outcome.point.z, outcome.point.states)
+    first = replace(outcome, point=before), normal, better
+    sizes: list[float] = []
+    for _ in range(_CORRECTIONS):
+        point = outcome.point
+        sizes.append(float(better.step @ normal.reduced()[0] @ better.step))
+        if len(sizes) > 2 and sizes[-1] > sizes[-2] > sizes[-3]:
+            # Corrections that go on growing lead away, along what noise alone tells; one may overshoot.
+            break
+        moved = problem.evaluated(np.clip(point.z + better.step, *bounds), point.states + better.state_steps)
+        if not np.isfinite(moved.cost):
+            break
+        outcome = replace(outcome, point=moved)
+        # Steps within the error are not repeated: the information is that of next to the same point.
+        if sizes[-1] < len(better.step):
+            break
+        normal = problem.normal(moved, keep=True)
+        better = corrected(problem, moved, normal, seed=seed)
+    # Off the minimum the loss rises by what the shift says, or steps have led to where their derivatives do not hold.
+    shift = outcome.point.z - before.z
+    said = max(float(shift @ first[1].reduced()[0] @ shift), float(len(shift)))
+    if outcome.point.cost - before.cost > _FAITHFUL * said:
+        return first
+    return outcome, normal, better
 
 
 def _roots(information: Array) -> tuple[Array, Array]:

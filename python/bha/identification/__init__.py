@@ -10,7 +10,8 @@ measure.
 from bha.estimation.free import FreeParameter, camera_free, default_free
 from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record, record
-from bha.estimation.refinement import Refinement, Settings, refine
+from bha.estimation.refinement import Refinement, refine
+from bha.estimation.settings import Settings
 from bha.estimation.static_fit import StaticFit, fit_poses
 from bha.estimation.stretches import SteadyState, Stretch, steady_states, swings
 from bha.identification.excitation import Excitation, excite

@@ -15,8 +15,9 @@ from bha.estimation.free import FreeParameter
 from bha.estimation.lags import PATHS as LAG_PATHS
 from bha.estimation.lags import CommonTime, common_times, with_lag
 from bha.estimation.records import Record
-from bha.estimation.refinement import Settings, refine, remembers
+from bha.estimation.refinement import refine, remembers
 from bha.estimation.scale import default_free_of, scale_of, with_curved_springs
+from bha.estimation.settings import Settings
 from bha.estimation.strays import in_words
 from bha.identification.arranged import arranged, by_session
 from bha.identification.result import Identification, identification
