@@ -72,3 +72,17 @@ def test_what_noise_repeats_or_a_resting_arm_does_is_no_dropout() -> None:
         for facts, usable in together.held_together(time, still, judged_alone(time, still)):
             assert not facts.dropouts
             assert usable.all()
+
+
+def test_a_channel_that_had_stopped_before_the_logger_did_has_one_dropout() -> None:
+    time, values = moving(3000, 0.02)
+    values[1000:1100, 0] = values[1000, 0]
+    values[1060:1120] = values[1060]
+    alone = judged_alone(time, values)
+    assert [len(facts.dropouts) for facts, _ in alone] == [1, 1, 1]
+    for k, (facts, usable) in enumerate(together.held_together(time, values, alone)):
+        first = 1001 if k == 0 else 1061
+        assert facts.dropouts == ((pytest.approx(time[first]), pytest.approx(time[1120])),)
+        assert not usable[first:1120].any()
+        assert usable[:first].all()
+        assert usable[1120:].all()

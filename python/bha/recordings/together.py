@@ -35,23 +35,16 @@ def stopped_together(time: Array, values: Array, judged: Sequence[Judged]) -> li
         values: of all channels of a log, shape (m, C).
         judged: what :func:`judge` says of each.
     """
-    found = [(facts, mask.copy()) for facts, mask in judged]
     ends = {end for facts, _ in judged if facts.quantum > 0.0 and not facts.held for _, end in facts.dropouts}
+    found = list(judged)
     for end in sorted(ends):
         last = int(np.searchsorted(time, end))
         changed = np.flatnonzero(np.any(np.diff(values[:last], axis=0) != 0.0, axis=1))
         first = int(changed[-1]) + 1 if len(changed) else 0
         if time[last] - time[first] <= DROPOUT_SECONDS:
             continue
-        for k, (facts, mask) in enumerate(found):
-            for start, own in facts.dropouts:
-                if own == end:
-                    mask[(time >= start) & (time <= time[first])] = True
-            mask[~np.isfinite(values[:, k])] = False
-            mask[first + 1 : last] = False
-            kept = [d for d in facts.dropouts if d[1] != end]
-            spans = sorted([*kept, (float(time[min(first + 1, last - 1)]), end)])
-            found[k] = (replace(facts, dropouts=tuple(spans)), mask)
+        rested = [_rested(channel, time, column, first, end) for channel, column in zip(found, values.T, strict=True)]
+        found = [_stopped(channel, time, first, last) for channel in rested]
     return found
 
 
@@ -83,17 +76,35 @@ def held_together(time: Array, values: Array, judged: Sequence[Judged]) -> list[
     ]
     if not spans:
         return list(judged)
-    found = []
-    for facts, mask in judged:
-        usable, dropouts = mask.copy(), list(facts.dropouts)
-        for first, last in spans:
-            # The first reading counts, its repeats do not.
-            usable[first + 1 : last] = False
-            start, end = float(time[first + 1]), float(time[min(last, len(time) - 1)])
-            if not any(a <= end and start <= b for a, b in dropouts):
-                dropouts.append((start, end))
-        found.append((replace(facts, dropouts=tuple(sorted(dropouts))), usable))
+    found = list(judged)
+    for first, last in spans:
+        found = [_stopped(channel, time, first, last) for channel in found]
     return found
+
+
+def _rested(channel: Judged, time: Array, values: Array, first: int, end: float) -> Judged:
+    """A channel without its own dropouts that last to ``end``: up to row ``first`` it has rested, and that counts."""
+    facts, mask = channel
+    starts = [start for start, own in facts.dropouts if own == end]
+    if not starts:
+        return channel
+    rest = (time >= min(starts)) & (time <= time[first]) & np.isfinite(values)
+    return replace(facts, dropouts=tuple(d for d in facts.dropouts if d[1] != end)), mask | rest
+
+
+def _stopped(channel: Judged, time: Array, first: int, last: int) -> Judged:
+    """A channel that has stopped from row ``first`` to before row ``last``: its first reading counts, repeats do not.
+
+    Dropouts of its own that this overlaps are one with it.
+    """
+    facts, mask = channel
+    usable = mask.copy()
+    usable[first + 1 : last] = False
+    start, end = float(time[min(first + 1, last - 1)]), float(time[min(last, len(time) - 1)])
+    one = [(a, b) for a, b in facts.dropouts if a <= end and start <= b]
+    others = [span for span in facts.dropouts if span not in one]
+    whole = min([start, *(a for a, _ in one)]), max([end, *(b for _, b in one)])
+    return replace(facts, dropouts=tuple(sorted([*others, whole]))), usable
 
 
 def _is_fine(facts: ChannelFacts, values: Array) -> bool:
