@@ -3,6 +3,7 @@
 pub mod drives;
 pub mod input;
 mod memory;
+mod past;
 pub mod stiffness;
 
 pub use memory::Memory;
@@ -15,7 +16,7 @@ use crate::effects::kinds::pressure_lag::PressureLag;
 use crate::effects::pressures::{PressureChain, Sort, has_memory, has_readings};
 use crate::effects::sensors::Sensors;
 use crate::effects::upstream::{History, Upstream};
-use crate::effects::{self, Effect, poses};
+use crate::effects::{self, poses};
 use crate::forces::External;
 use crate::integrate::{Options, System};
 use crate::kinematics::arc::PSI_MAX;
@@ -63,11 +64,6 @@ pub struct Plant<T = f64> {
     preceded: bool,
 }
 
-/// `next`, or a moment after `now`: on another clock a sample may round to where it has been reached, again and again.
-fn beyond(now: f64, next: f64) -> f64 {
-    next.max(now + 1e-9)
-}
-
 impl<T: Real> Plant<T> {
     /// The plant of `arm` under `input`, whose channels must be the arm's inputs.
     pub fn new(arm: Arc<Arm<T>>, input: Arc<Input>) -> Self {
@@ -99,13 +95,6 @@ impl<T: Real> Plant<T> {
             begun: false,
             preceded: false,
         }
-    }
-
-    /// The same plant, whose run begins in the middle of its inputs: pressures that lag behind are at first what the inputs
-    /// before have led to, from their first samples on, at which they were at rest. Not so behind valves and chambers
-    /// (`full`), which depend on how the arm moved.
-    pub fn preceded(self) -> Self {
-        Self { preceded: true, ..self }
     }
 
     /// The same plant with the arm's pneumatics, at rest at lengths `q` under the commands of time `t`: pressures are
@@ -150,37 +139,6 @@ impl<T: Real> Plant<T> {
         lagged.map(|p| PressureLag::of_all(p.fill_time, p.vent_time, self.arm.body.inputs))
     }
 
-    /// Pressures behind the lag at `t` as the inputs have led to them, into `out`.
-    fn lagged_into(&mut self, t: f64, out: &mut [T]) {
-        let Some(p) = &self.arm.pneumatics else { return };
-        let lag = PressureLag::of_all(p.fill_time, p.vent_time, self.arm.body.inputs);
-        let (mut from, mut to) = (out.to_vec(), out.to_vec());
-        let mut now = self.drives.first_sample().min(t);
-        self.drives.pressures(now, false, out);
-        while now < t {
-            let next = beyond(now, self.drives.next_jump(now).min(self.drives.next_bend(now))).min(t);
-            self.drives.pressures(now, false, &mut from);
-            self.drives.pressures(next, true, &mut to);
-            lag.pressures(T::from_f64(next - now), &from, out, &mut to);
-            out.copy_from_slice(&to);
-            now = next;
-        }
-    }
-
-    /// The chain over what the inputs say from `since`, where it stands, to `t`.
-    fn follow(&mut self, since: f64, t: f64) {
-        let Some(chain) = &mut self.chain else { return };
-        let mut now = since;
-        while now < t {
-            let next = beyond(now, self.drives.next_jump(now).min(chain.next_jump(&self.drives, now))).min(t);
-            chain.begin_step(&self.arm.effects, &mut self.drives, now, next);
-            // As alone: an input that begins later bends nothing before.
-            chain.skip(self.drives.first_samples().min(T::from_f64(next)));
-            chain.end_step(&self.arm.effects, &mut self.drives, next);
-            now = next;
-        }
-    }
-
     /// Commands `p` from now on, in place of the inputs' pressures.
     #[inline(always)]
     pub fn hold(&mut self, p: &[T]) {
@@ -214,7 +172,7 @@ impl<T: Real> Plant<T> {
         self.begun = true;
         self.read.0 = f64::NAN;
         let remembers = has_memory(&self.arm.effects);
-        let since = if self.preceded { self.drives.first_sample().min(t) } else { t };
+        let since = self.since(t);
         if let (None, Some(lag)) = (&self.held, self.lag()) {
             let (effects, inputs) = (&self.arm.effects, self.arm.body.inputs);
             let sort = if remembers { Sort::All } else { Sort::Remembering };
