@@ -4,7 +4,7 @@
 
 use super::check::{finite, not_negative};
 use super::parameters::{AxialParameters, SectionParameters};
-use super::section::{STIFFNESS_TERMS, stiffness_terms};
+use super::springs::{STIFFNESS_TERMS, stiffness_terms};
 use crate::error::Result;
 use crate::real::Real;
 

@@ -9,12 +9,14 @@ mod check;
 mod holding;
 pub mod parameters;
 mod section;
+mod springs;
 
 pub use along::{MOST_ALONG, PointMass, SectionArc, Taper};
 pub use base::Base;
 pub use holding::{Axial, BendingPlanes};
 pub use parameters::ForceModel;
-pub use section::{BELLOWS_PER_SECTION, Bellows, STIFFNESS_TERMS, Section};
+pub use section::{BELLOWS_PER_SECTION, Bellows, Section};
+pub use springs::STIFFNESS_TERMS;
 
 use self::along::normalized;
 use self::check::{finite, not_negative};

@@ -4,12 +4,11 @@ use super::along::{PointMass, SectionArc, Taper, normalized};
 use super::check::{finite, not_negative, positive};
 use super::holding::{self, Axial, BendingPlanes};
 use super::parameters::{BellowsParameters, SectionParameters};
+use super::springs::{STIFFNESS_TERMS, stiffness_terms};
 use crate::error::{Error, Result};
 use crate::real::Real;
 use crate::real::linear::Vec3;
 
-/// Highest power of the spring polynomial.
-pub const STIFFNESS_TERMS: usize = 8;
 /// Most bellows in a section.
 pub const BELLOWS_PER_SECTION: usize = 12;
 
@@ -96,23 +95,6 @@ impl Bellows<f64> {
             input: p.input,
         })
     }
-}
-
-/// The terms of a spring polynomial, filled up with zeros.
-pub(super) fn stiffness_terms(place: &str, terms: &[f64]) -> Result<[f64; STIFFNESS_TERMS]> {
-    if terms.is_empty() || terms.len() > STIFFNESS_TERMS {
-        return Err(Error::Parameter {
-            place: place.to_owned(),
-            key: "number of stiffness terms",
-            found: terms.len().to_string(),
-            allowed: "1 to 8 are allowed",
-        });
-    }
-    let mut stiffness = [0.0; STIFFNESS_TERMS];
-    for (k, &s) in stiffness.iter_mut().zip(terms) {
-        *k = finite(place, "stiffness", s)?;
-    }
-    Ok(stiffness)
 }
 
 /// Cosine and sine, exact at the multiples of 30 degrees where bellows usually sit, so that symmetric arms stay so.
