@@ -99,6 +99,15 @@ def test_heads_in_millimetres_read_as_metres() -> None:
     assert any("m for mm" in e.what for f in found.faults for e in f.explanations)
 
 
+def test_one_coordinate_in_millimetres_read_as_metres_is_further_than_the_arm_reaches() -> None:
+    (fault,) = check("heads", lambda h: h * [1e3, 1.0, 1.0]).faults
+    assert fault.kind == "unit"
+    assert fault.what.endswith(": x1, x2")
+    assert "m for mm" in fault.explanations[0].what
+    assert fault.numbers["travel"] > fault.numbers["reach"]
+    assert check("heads", lambda h: h).faults == ()
+
+
 def test_texts_of_axes_and_rotations() -> None:
     assert len(signed_axes()) == 48
     assert axes_text(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])) == '["y", "-x", "z"]'

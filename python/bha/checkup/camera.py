@@ -83,7 +83,8 @@ def frame_of(arm: Arm, seen: Seen, camera: Array, where: str) -> Frame:
     reach = float(np.linalg.norm(predicted[-1]))
     size = float(np.linalg.norm(means[-1]))
     travel = float(np.max([np.ptp(seen.heads[seen.heads_good[:, i], i], axis=0).max() for i in heads]))
-    if (unit := _unit(heads, size, reach, travel, where)) is not None:
+    unit = _unit(heads, size, reach, travel, where) or _beyond_reach(arm, seen, camera, where)
+    if unit is not None:
         return Frame(np.eye(3), tuple(heads), (unit,))
     # Two heads or more: the line between them knows no origin.
     if len(heads) > 1:
@@ -173,6 +174,37 @@ def _unit(heads: list[int], size: float, reach: float, travel: float, where: str
         None if more else Mend(factors=dict.fromkeys(names, 1.0 / factor)),
     )
     return Finding("fault", "unit", where, what, evidence, {"ratio": ratio}, (cause,))
+
+
+def _beyond_reach(arm: Arm, seen: Seen, camera: Array, where: str) -> Finding | None:
+    """Single coordinates of heads that travel further than the arm could take them, wherever the camera stands."""
+    reaches = 2.0 * np.cumsum([section.greatest_length for section in arm.parameters.sections])
+    over: dict[str, tuple[float, float]] = {}
+    for i in seen.measured_heads():
+        places = seen.heads[seen.heads_good[:, i], i] @ camera
+        travels = np.ptp(np.quantile(places, [0.02, 0.98], axis=0), axis=0)
+        over |= {f"{axis}{i + 1}": (float(t), float(reaches[i])) for axis, t in zip("xyz", travels, strict=True)}
+    over = {column: (travel, reach) for column, (travel, reach) in over.items() if travel > reach}
+    if not over:
+        return None
+    columns = ", ".join(over)
+    column, (travel, reach) = next(iter(over.items()))
+    units = [unit for factor, unit in LENGTH_UNITS.items() if 0.01 * reach < travel / factor < reach]
+    return Finding(
+        "fault",
+        "unit",
+        where,
+        f"positions go further than the arm reaches: {columns}",
+        f"{column} travels {1e3 * travel:.4g} mm; with lengths within length_range the arm takes that head "
+        f"{1e3 * reach:.4g} mm at the most, from one side to the other",
+        {"travel": travel, "reach": reach},
+        (
+            Explanation(
+                f"another unit: {' or '.join(units)}" if units else "another unit, or no position of that head",
+                f"write the right unit in the headings of {columns}: '{column} [mm]'",
+            ),
+        ),
+    )
 
 
 def _order(means: Array, predicted: Array) -> tuple[int, ...]:

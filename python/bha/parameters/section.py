@@ -203,6 +203,11 @@ class SectionParameters(Table):
         return {"arcs": self.arcs, "masses": self.masses}
 
     @property
+    def greatest_length(self) -> float:
+        """From its base to its head with the bellows at their longest, rigid pieces included, m."""
+        return self.length_range[1] + self.base_offset + self.head_offset
+
+    @property
     def total_mass(self) -> float:
         """All mass of the section, that along it included, kg."""
         return self.mass + sum(mass.mass for mass in self.masses)

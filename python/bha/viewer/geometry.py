@@ -76,10 +76,7 @@ class Layout:
     @property
     def reach(self) -> float:
         """Length of the arm with all sections at their longest, m."""
-        return sum(
-            section.length_range[1] + section.base_offset + section.head_offset
-            for section in self.arm.parameters.sections
-        )
+        return sum(section.greatest_length for section in self.arm.parameters.sections)
 
     @property
     def size(self) -> float:
