@@ -62,6 +62,7 @@ def test_an_arm_from_a_tape_measure_is_identified_with_defaults() -> None:
 def test_commands_act_through_a_lag_that_is_found_with_the_damping() -> None:
     true = arm_of(TRUE, apart=True, lag=LAG)
     found = identify(guessed(600.0), [log_of(true, 1, commanded=True)], settings=QUICK)
+    assert any("effect.1 is delay (all)" in note for note in found.notes)
     assert found.converged
     (time,) = found.common_times
     own = arm_of(TRUE, apart=True)

@@ -78,6 +78,7 @@ def test_words() -> None:
     assert spoken("section.*.stiffness.*") == "stiffness of all sections"
     assert spoken("gravity.x") == "gravity along x"
     assert spoken("effect.1.tau") == "tau of effect 1"
+    assert spoken("effect.2.*") == "all numbers of effect 2"
 
 
 def test_noise_of_the_pressures_is_not_taken_for_excitation() -> None:

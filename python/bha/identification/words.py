@@ -11,7 +11,7 @@ def spoken(path: str) -> str:
     """A parameter in words."""
     steps = path.split(".")
     key = paths.key_of(path) if not paths.is_group(path) else next(s for s in reversed(steps) if s != "*")
-    words = key.replace("_", " ")
+    words = "all numbers" if steps[0] == "effect" and key == steps[1] else key.replace("_", " ")
     last = steps[-1]
     if key in ("stiffness", "axial_stiffness") and last.isdigit():
         words = f"{_POWERS.get(last, f'power {last}')} {words}"

@@ -155,7 +155,11 @@ def _notes(start: Begin, found: Identification, used: Sequence[Record]) -> list[
     if not start.from_file:
         notes.append("the fit began at what held poses and a search over dampings say, not at the file's values")
     notes += start.said
-    added = start.arm.parameters.effects[len(found.start.parameters.effects) :]
+    effects = start.arm.parameters.effects
+    numbered = sorted({int(e.path.split(".")[1]) for e in found.estimates if e.path.startswith("effect.")})
+    if numbered:
+        notes.append(joined([f"effect.{n} is {effects[n - 1].kind} ({effects[n - 1].where})" for n in numbered]))
+    added = effects[len(found.start.parameters.effects) :]
     if any(effect.kind == "bending_damping" for effect in added):
         notes.append("bending lags longer than stretching: a damping of bending (effect bending_damping) was added")
     if start.arm.parameters.force_model != found.start.parameters.force_model:
