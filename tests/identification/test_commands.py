@@ -39,6 +39,8 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
         ("t,p11\n0,1\n", "has no unit"),
         ("t [s],p11 [Pa],p12 [Pa],p13 [Pa]\n0,1e5,1e5,1e5\n1,1e5,1e5,1e5\n", "nothing to compare"),
         ("t [s],p11 [Pa],p12 [Pa],q11 [m]\n0,1e5,1e5,0.2\n1,1e5,1e5,0.2\n", "p13"),
+        ("t [s],p11 [Pa],p12 [Pa],p13 [Pa],q11 [m]\n0,1e5,1e5,1e5,0.2\n20,1e5,1e5,1e5,0.2\n", "'t [ms]'"),
+        ("t [s],p11 [Pa],p12 [Pa],p13 [Pa],q11 [m]\n0,1e5,1e5,1e5,0.2\n", "one row alone"),
         ("t [s],p11 [Pa],p12 [Pa],p13 [Pa],q11 [m]\n0,1e5,1e5,x,0.2\n1,1e5,1e5,1e5,0.2\n", 'found "x"'),
     ],
 )

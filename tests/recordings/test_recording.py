@@ -254,3 +254,19 @@ def test_times_that_cannot_be_seconds_are_doubted(apart: float, measured: bool, 
 
 def test_rows_that_are_all_at_one_time_are_doubted() -> None:
     assert "all 50 rows are at 3 s" in (clock.doubt(clock.mended(np.full(50, 3.0))[1], 3.0, measured=True) or "")
+
+
+@pytest.mark.parametrize(
+    ("time", "said"),
+    [
+        (np.arange(50.0) * 0.02, None),
+        (np.arange(50.0) * 20.0, "'t [ms]'"),
+        (np.arange(50.0) * 1e-7, "'t [min]'"),
+        (np.full(50, 3.0), "all 50 rows are at 3 s"),
+        (np.array([3.0]), "one row alone"),
+    ],
+)
+def test_rows_that_follow_no_motion_are_no_log_to_identify_from(time: np.ndarray, said: str | None) -> None:
+    text = clock.follows_no_motion(clock.mended(time)[1], time[0])
+    assert (text is None) is (said is None)
+    assert (said or "") in (text or "")

@@ -31,6 +31,7 @@ from bha.checkup.wiring import Evidence, evidence
 from bha.checkup.words import notes, untold, wiring_finding
 from bha.errors import LogWarning
 from bha.recordings import Recording, recordings
+from bha.recordings.clock import follows_no_motion
 from bha.support.shown import html_table
 
 if TYPE_CHECKING:
@@ -233,8 +234,10 @@ def check_recordings(arm: Arm, made: Sequence[Recording]) -> Checkup:
     # Motions under pressures or in units that are wrong anyway would only repeat it.
     blocked = [f for f in found if f.severity == "fault" and f.kind in ("gauge", "unit", "pressure_range", "geometry")]
     movable = [one for one in seen if one.length_names or one.measured_heads()]
+    still = [f"{r.name}: {why}" for r in made if (why := follows_no_motion(r.clock, r.time[0])) is not None]
     if not movable:
-        said.append("neither lengths nor heads are measured: nothing but pressures is checked")
+        why = still[0] if still else "neither lengths nor heads are measured"
+        said.append(f"{why}: nothing but pressures is checked")
     elif arm.section_count > MOST_SECTIONS:
         said.append(f"arms of more than {MOST_SECTIONS} sections: tubes, azimuth, camera and gravity are not checked")
     elif any(f.kind == "geometry" for f in blocked):

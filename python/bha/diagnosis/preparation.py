@@ -19,7 +19,7 @@ from bha.estimation.records import Record, reading_noise
 from bha.estimation.strays import without_strays
 from bha.recordings import Observation
 from bha.recordings.beginning import beginning
-from bha.recordings.clock import FAST, SLOW
+from bha.recordings.clock import follows_no_motion
 
 if TYPE_CHECKING:
     from bha.recordings import Recording
@@ -62,11 +62,8 @@ def prepare(recording: Recording, *, name: str | None = None, pressure_noise: Ar
     origin = name or recording.name
     if len(recording) < FEWEST_ROWS:
         raise InputError(f"{origin}: {len(recording)} rows; at least {FEWEST_ROWS} are needed for a diagnosis")
-    if not FAST <= recording.clock.interval <= SLOW:
-        raise InputError(
-            f"{origin}: rows are {recording.clock.interval:.4g} s apart; a diagnosis needs logs that follow the arm's "
-            f"motion, with rows {FAST:g} to {SLOW:g} s apart: is the time in another unit than its heading says?"
-        )
+    if (fault := follows_no_motion(recording.clock, recording.time[0])) is not None:
+        raise InputError(f"{origin}: {fault}")
     kept = [k for k, output in enumerate(recording.outputs) if output.kind != "orientation"]
     if not kept:
         raise InputError(

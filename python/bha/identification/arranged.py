@@ -14,6 +14,7 @@ from bha.estimation.free import FreeParameter
 from bha.estimation.records import Record, record
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
+from bha.recordings.clock import follows_no_motion
 
 _SESSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
@@ -59,7 +60,8 @@ def arranged(
         repair: mend first what a machine can mend, see :func:`bha.checkup.repaired`.
 
     Raises:
-        InputError: a name that no log or more than one has, a log in two sessions, a log twice.
+        InputError: a name that no log or more than one has, a log in two sessions, a log twice, or one whose rows
+            follow no motion.
         LogError: a log lacks a pressure of the arm.
     """
     items: list[Log | Recording | Record] = [*logs, *holdout]
@@ -96,6 +98,8 @@ def arranged(
         if values not in arms:
             arms[values] = Arm(Condition("", values).applied(arm.parameters))
         recording = _recording(arm, arms[values], item, sort)
+        if (fault := follows_no_motion(recording.clock, recording.time[0])) is not None:
+            raise InputError(f"{recording.name}: {fault}")
         sort = sort or recording.pressures.sort
         groups.setdefault(values, []).append(recording)
         made.append(record(arm, recording, session=session, changes=dict(values)))

@@ -90,7 +90,7 @@ def doubt(facts: ClockFacts, first: float, *, measured: bool) -> str | None:
     if facts.rows < 3:
         return None
     if facts.interval == 0.0:
-        return f"all {facts.rows} rows are at {first:.6g} s: nothing moves in no time; write the time of each row"
+        return _in_no_time(facts.rows, first)
     # A log of commands alone may have a row at each change only.
     slow = facts.interval >= (SLOW if measured else SLOW_COMMANDS)
     if not (slow or facts.interval < FAST or abs(first) >= FAR):
@@ -98,6 +98,28 @@ def doubt(facts: ClockFacts, first: float, *, measured: bool) -> str | None:
     apart = f"rows are {facts.interval:.4g} s apart and begin at {first:.6g} s"
     unit = "min" if facts.interval < FAST else "ms"
     return f"{apart}: is the time in another unit? Then write it in the heading, as in 't [{unit}]'"
+
+
+def follows_no_motion(facts: ClockFacts, first: float) -> str | None:
+    """Why rows tell nothing of how an arm moves; None where they may.
+
+    Args:
+        facts: of the times.
+        first: time of the first row, s.
+    """
+    if facts.interval == 0.0:
+        return "there is one row alone; a log has many" if facts.rows == 1 else _in_no_time(facts.rows, first)
+    if FAST <= facts.interval <= SLOW:
+        return None
+    unit = "min" if facts.interval < FAST else "ms"
+    return (
+        f"rows are {facts.interval:.4g} s apart; those that follow an arm's motion are {FAST:g} to {SLOW:g} s apart: "
+        f"is the time in another unit than its heading says? Then write it there, as in 't [{unit}]'"
+    )
+
+
+def _in_no_time(rows: int, first: float) -> str:
+    return f"all {rows} rows are at {first:.6g} s: nothing moves in no time; write the time of each row"
 
 
 def _tick(time: Array) -> float:
