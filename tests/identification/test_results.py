@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from click.testing import CliRunner
 
 import bha
 from bha.cli import main
+from bha.cli.identified import show
 from bha.identification import FreeParameter, Identification, Settings, excite, identify
+from bha.identification.identifiability import Combination
 from bha.parameters import ArmParameters, paths
 
 from .identify_logs import measured, multisine, off, one_section
@@ -179,3 +182,17 @@ def test_excitation_command(tmp_path: Path) -> None:
 def test_wrong_excitations(wrong: dict[str, object]) -> None:
     with pytest.raises(bha.InputError, match=next(iter(wrong))):
         excite(one_section(), **wrong)  # type: ignore[arg-type]
+
+
+def test_of_many_combinations_that_are_not_told_the_worst_are_shown(
+    result: Identification, capsys: pytest.CaptureFixture[str]
+) -> None:
+    direction = np.array([1.0, 0.0, 0.0, 0.0])
+    unknown = tuple(Combination(f"number {k}", ("section.1.mass",), direction, 10.0 - k) for k in range(6))
+    said = tuple(f"not identified: {combination.text}" for combination in unknown)
+    show(replace(result, unknown=unknown, warnings=(*said, "the last one")))
+    printed = "".join(capsys.readouterr())
+    assert "number 3" in printed
+    assert "number 4" not in printed
+    assert "not identified: 2 more" in printed
+    assert "the last one" in printed

@@ -9,6 +9,9 @@ from rich.table import Table
 from bha.cli.common import console, say, table
 from bha.identification.result import HeldOut, Identification
 
+#: Combinations of parameters that logs do not tell: so many are shown.
+_COMBINATIONS = 4
+
 
 def show(result: Identification) -> None:
     """Print a result."""
@@ -38,8 +41,13 @@ def show(result: Identification) -> None:
         out.print(_held_out_table(result.held_out))
     for note in result.notes:
         say(f"note: {note}")
+    # The worst come first; one after the other they would fill a screen, and each says less than the one before.
+    more = [f"not identified: {combination.text}" for combination in result.unknown[_COMBINATIONS:]]
     for warning in result.warnings:
-        say(f"warning: {warning}")
+        if warning not in more:
+            say(f"warning: {warning}")
+    if more:
+        say(f"warning: not identified: {len(more)} more of the kind; --json has them all")
 
 
 def _held_out_table(held_out: tuple[HeldOut, ...]) -> Table:
