@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import bha
 from bha.diagnosis import model, preparation, smoothing
 from bha.estimation import derived
+from bha.estimation.records import Record
 
 from .synthetic import one_section, record_of
 
@@ -60,3 +62,28 @@ def test_one_tangent_stiffness_changes_and_the_others_stay() -> None:
     assert plain.description(np.zeros(plain.size))["section"][0]["bellows"][0]["stiffness"][:3] == pytest.approx(
         plain.core["section"][0]["bellows"][0]["stiffness"]
     )
+
+
+def test_the_last_third_of_an_only_log_knows_the_commands_before_it() -> None:
+    lag = {"level": "lag", "fill_time": 0.3, "vent_time": 0.3}
+    arm = bha.Arm(one_section().parameters.updated({"pneumatics": lag}))
+    time = np.arange(0.0, 9.0, 0.02)
+    # A step just before the last third begins: its chambers are still on their way.
+    pressures = np.where(time[:, None] < 5.9, [1.2e5, 1.3e5, 1.4e5], [1.7e5, 1.2e5, 1.5e5])
+    options = {"method": "rk4", "step": 1e-3}
+    drive = bha.Input(time, pressures, commanded=True, interpolation="hold")
+    whole = bha.simulate_batch(arm, drive, times=time, **options)
+    columns = {f"pc1{k + 1} [Pa]": p for k, p in enumerate(pressures.T)}
+    columns |= {f"q1{k + 1} [m]": q for k, q in enumerate(whole.lengths[0].T)}
+    log = bha.Log.from_arrays({"t [s]": time, **columns})
+    (first,), (last,) = preparation.split([preparation.prepare(bha.Recording(arm, log))])
+    assert last.time[0] - first.time[-1] == pytest.approx(0.02)
+    row = int(np.searchsorted(time, last.time[0] - 1e-9))
+    state = np.concatenate([whole.lengths[0, row], whole.velocities[0, row]])
+
+    def missed(record: Record) -> float:
+        run = bha.simulate_batch(arm, record.drive, [state], times=record.time, start=record.time[0], **options)
+        return float(np.max(np.abs(run.lengths[0] - whole.lengths[0, row:])))
+
+    assert missed(last) < 1e-5
+    assert missed(last.between(last.time[0], last.time[-1])) > 2e-3

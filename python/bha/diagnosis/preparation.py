@@ -157,7 +157,8 @@ def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
     only = records[0]
     start, end = float(only.drive.time[0]), float(only.drive.time[-1])
     cut = start + (end - start) * 2.0 / 3.0
-    first, last = only.between(start, cut), only.between(cut, end)
+    # What drove the arm before the second part is known, and a lag still has it there.
+    first, last = only.between(start, cut), replace(only.kept(only.time >= cut), resting=None)
     return [replace(first, name=f"{only.name} (first two thirds)")], [replace(last, name=f"{only.name} (last third)")]
 
 
