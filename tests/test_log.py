@@ -103,6 +103,11 @@ def test_gzip_is_known_by_its_bytes(name: str, tmp_path: Path) -> None:
     assert_good(Log.read(write(tmp_path, gzip.compress(GOOD.encode()), name)))
 
 
+@pytest.mark.parametrize("name", ["log.mat", "log.h5", "log.mcap", "log.bag", "log.parquet"])
+def test_a_table_of_text_is_one_whatever_its_name_ends_with(name: str, tmp_path: Path) -> None:
+    assert_good(Log.read(write(tmp_path, GOOD.encode(), name)))
+
+
 def test_line_ends_and_byte_order_mark_of_windows(tmp_path: Path) -> None:
     assert_good(Log.read(write(tmp_path, b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())))
 
@@ -165,12 +170,18 @@ FAULTS = [
         "t [s],p11 [kPa(g)]\n0,-102\n",
         "found -102.0, below the least possible value -101.325; that of vacuum at an ambient",
     ),
-    ("t [s],p11 [Pa]\n0,1,2\n", "FILE, line 2: found 3 fields; the headings have 2"),
-    ("t [s],p11 [Pa]\n0,1\n1", "FILE, line 3: found 1 fields; the headings have 2; the file ends inside this line"),
+    ("t [s],p11 [Pa]\n0,1,2\n", "FILE, line 2: found 3 fields; the headings have 2: mend the line or remove it"),
+    (
+        "t [s],p11 [Pa]\n0,1\n1",
+        "FILE, line 3: found 1 field; the headings have 2: mend the line or remove it; the file ends inside this line",
+    ),
     ("t [s],p11 [Pa]\n", "FILE has headings but no rows of numbers"),
     ("", "FILE: the file is empty; expected a line of headings and lines of numbers"),
     ("t [s];p11 [Pa]\n0;1,2.3\n", "FILE, line 1: the headings are separated by ';'; expected commas"),
-    ("t [s],p11 [Pa]\n\0\0\0", "FILE is not a text file but binary data; expected CSV, plain or gzip"),
+    (
+        "t [s],p11 [Pa]\n\0\0\0",
+        "FILE is not a text file but binary data; expected CSV, plain or gzip: is it the right file?",
+    ),
     (
         "time [s],p11 [Pa]\n0,1\n",
         "FILE: there is no column of time, 't [s]'; column 'time [s]' is not known; did you mean",
@@ -204,7 +215,7 @@ def test_faults_are_named(text: str, expected: str, tmp_path: Path) -> None:
 
 def test_faults_of_files(tmp_path: Path) -> None:
     assert fault(tmp_path / "missing.csv") == "FILE: there is no such file"
-    assert fault(tmp_path) == "FILE is not a file"
+    assert fault(tmp_path) == "FILE is a folder; name a file in it"
     packed = gzip.compress(GOOD.encode())
     assert fault(write(tmp_path, packed[:-20])) == "FILE: the gzip data ends too early: the file was cut off"
     assert "the gzip data is damaged" in fault(write(tmp_path, packed[:40] + b"\xff" * 9 + packed[49:]))

@@ -92,6 +92,10 @@ def test_lines_above_headings_of_another_kind(tmp_path: Path) -> None:
         assert "line 1: all headings stand in one pair of quotes, or a quote is not" in fault(
             tmp_path, f"{line}\n0,1\n"
         )
+    assert fault(tmp_path, "0,1e5\n0.1,1e5\n").endswith(
+        "line 1 is no line of headings: found '0,1e5', which are numbers; write the columns' names and units above "
+        "them, such as 't [s]', 'p11 [kPa(g)]', 'q11 [mm]'"
+    )
     assert fault(tmp_path, "a;b\n1;2\n") == "FILE: there is no column of time, 't [s]'; the log has: a, b"
     assert "line 1: the headings are separated by '\\t'; exp" in fault(tmp_path, "t [s]\tp11 [Pa]\n0\tone\n")
     assert fault(tmp_path, "a,b\n1,2\n") == "FILE: there is no column of time, 't [s]'; the log has: a, b"

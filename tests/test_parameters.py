@@ -352,7 +352,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"is a folder; name a parameter file"):
         ArmParameters.read(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\x00\xff\xfe")
-    with pytest.raises(ParameterError, match=r"binary.toml: not a TOML file: byte 1 is not UTF-8 text"):
+    with pytest.raises(ParameterError, match=r"binary.toml: not a TOML file: byte 1 is not UTF-8 text; save it"):
         ArmParameters.read(tmp_path / "binary.toml")
     with pytest.raises(InputError, match=r"the folder .* does not exist"):
         read(ARM).write(tmp_path / "nowhere" / "arm.toml")

@@ -133,4 +133,4 @@ def test_wrong_options_of_convert(table: Path) -> None:
     assert "is the log itself" in run("convert", table, "--out", table).output
     assert "unknown extension .mat" in run("convert", table, "--out", table.with_suffix(".mat")).output
     assert "there is no such file" in run("convert", table.with_name("none.csv"), "--list").output
-    assert "is not a file" in run("convert", table.parent, "--list").output
+    assert "is a folder" in run("convert", table.parent, "--list").output

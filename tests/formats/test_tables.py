@@ -162,7 +162,7 @@ def test_faults_name_line_and_column(tmp_path: Path) -> None:
     )
     assert fault(30, "0,3;ab;1").startswith(", line 38, column 'p11': found \"ab\"")
     assert fault(30, "0,3;;1").startswith(", line 38, column 'p11': the cell is empty")
-    assert fault(30, "0,3").startswith(", line 38: found 1 fields; the headings have 3")
+    assert fault(30, "0,3").startswith(", line 38: found 1 field; the headings have 3")
     assert fault(30, "0,01;1;1").startswith(", line 38, column 't': time runs backwards")
 
 

@@ -126,6 +126,10 @@ def draws_like(problem: Problem, white: Array, count: int, rng: np.random.Genera
 def numbers_per_independent(parts: Sequence[Array], steps: Sequence[float]) -> float:
     """By how much the numbers of a residual err together: numbers per independent one, at least one.
 
+    Over time and channels, all logs together. Of one channel alone this is its integrated autocorrelation length, which
+    :func:`bha.estimation.long_run.correlation_length` takes from the log's own lags: less biased where an error lasts
+    for a tenth of a log, and wider. Why both are kept is in docs/decisions/0004-the-house.md.
+
     Args:
         parts: white residual of each log, shape (rows, channels); a mean other than zero is part of the error.
         steps: between the rows of each log, s.

@@ -77,6 +77,9 @@ def refuse_other_layouts(origin: str, headings: Sequence[str], opening: Sequence
     for number, line in enumerate(opening[first:], start=first + 1):
         if any(map(_is_known, _cells(line))):
             raise LogError(f"{found}; they seem to begin in line {number}: remove the lines above it")
+    if all(map(_is_number, cells)):
+        like = ", ".join(f"'{names.column(*each)}'" for each in ((names.TIME, "s"), ("p11", "kPa(g)"), ("q11", "mm")))
+        raise LogError(f"{found}, which are numbers; write the columns' names and units above them, such as {like}")
     if headings[0].lower().startswith(("sep=", "#")):
         marked = headings[0].lstrip("#").strip()
         advice = "remove the '#'" if _is_known(marked) else "remove the lines above the headings"
@@ -85,6 +88,14 @@ def refuse_other_layouts(origin: str, headings: Sequence[str], opening: Sequence
 
 def _cells(line: str) -> list[str]:
     return [cell.strip().strip('"').strip() for cell in re.split(r"[,;\t]", line)]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_known(heading: str) -> bool:

@@ -189,7 +189,7 @@ class ArmParameters(Table):
         try:
             text = content.decode()
         except UnicodeDecodeError as error:
-            raise ParameterError(f"{path}: not a TOML file: byte {error.start} is not UTF-8 text") from error
+            raise ParameterError(messages.not_text(os.fspath(path), error)) from error
         return cls.from_toml(text, origin=os.fspath(path))
 
     @classmethod

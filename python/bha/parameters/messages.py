@@ -30,6 +30,11 @@ def unreadable(path: str | os.PathLike[str], error: OSError | ValueError, what: 
     return f"{os.fspath(path)}: cannot be read: {error.strerror if isinstance(error, OSError) else error}"
 
 
+def not_text(origin: str, error: UnicodeDecodeError) -> str:
+    """The file is in another encoding, or no text."""
+    return f"{origin}: not a TOML file: byte {error.start} is not UTF-8 text; save it as UTF-8"
+
+
 def not_toml(origin: str, text: str, error: Exception) -> str:
     """The file is not TOML; a key given twice is named."""
     if isinstance(error, RecursionError):

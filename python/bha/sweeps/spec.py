@@ -259,7 +259,7 @@ class SweepSpec(Table):
         except OSError as error:
             raise ParameterError(messages.unreadable(path, error, "sweep file")) from error
         except UnicodeDecodeError as error:
-            raise ParameterError(f"{origin}: not a TOML file: byte {error.start} is not UTF-8 text") from error
+            raise ParameterError(messages.not_text(origin, error)) from error
         text = text.removeprefix("\ufeff").replace("\r\n", "\n")
         try:
             mapping = tomllib.loads(text)

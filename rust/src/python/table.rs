@@ -150,7 +150,7 @@ fn column_use(name: &str) -> PyResult<ColumnUse> {
 fn log_error(py: Python<'_>, path: &str, error: &TableError) -> PyErr {
     let separator = match error.fault {
         _ if error.line.is_some() => ", ",
-        Fault::NotAFile | Fault::Binary(_) | Fault::NoRows => " ",
+        Fault::NotAFile | Fault::Binary(..) | Fault::NoRows => " ",
         _ => ": ",
     };
     log(py, format!("{path}{separator}{error}"))

@@ -48,7 +48,7 @@ pub enum Fault {
     #[error("there is no such file")]
     Missing,
     /// A folder.
-    #[error("is not a file")]
+    #[error("is a folder; name a file in it")]
     NotAFile,
     /// The operating system refused.
     #[error("cannot be read: {0}")]
@@ -56,9 +56,9 @@ pub enum Fault {
     /// Nothing but blanks.
     #[error("the file is empty; expected a line of headings and lines of numbers")]
     Empty,
-    /// Some other kind of file.
-    #[error("is not a text file but {0}; expected CSV, plain or gzip")]
-    Binary(&'static str),
+    /// Some other kind of file: what it is, and what to do.
+    #[error("is not a text file but {0}; expected CSV, plain or gzip: {1}")]
+    Binary(&'static str, &'static str),
     /// The first line is not UTF-8.
     #[error("the headings are not UTF-8 text; save the file as UTF-8")]
     HeadingsNotText,
@@ -66,13 +66,16 @@ pub enum Fault {
     #[error("has headings but no rows of numbers")]
     NoRows,
     /// A line with too many or too few fields.
-    #[error("found {found} fields; the headings have {expected}")]
+    #[error("found {found} field{}; the headings have {expected}: mend the line or remove it", if *found == 1 { "" } else { "s" })]
     FieldCount {
         /// Fields in the headings.
         expected: usize,
         /// Fields in the line.
         found: usize,
     },
+    /// A cell that goes on over several lines.
+    #[error("a quotation mark opens here and is not closed on this line; remove it")]
+    OpenQuote,
     /// A cell without a value, and what to do.
     #[error("the cell is empty; {0}")]
     EmptyCell(String),

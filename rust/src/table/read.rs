@@ -202,11 +202,14 @@ impl TableReader {
     ///
     /// The reader's own position of a record is where it began to look for it, before any blank lines.
     fn line_of_last_record(&self) -> u64 {
-        let after = self.lines.position();
         // A last line may have no end at all.
-        let at_end = self.skipped + after.byte() >= self.counts.text.get();
-        let unterminated = self.counts.last.get() != u64::from(b'\n') && at_end;
-        self.before() + after.line() - u64::from(!unterminated)
+        let unterminated = self.counts.last.get() != u64::from(b'\n') && self.at_end();
+        self.before() + self.lines.position().line() - u64::from(!unterminated)
+    }
+
+    /// Whether all of the text has been taken.
+    fn at_end(&self) -> bool {
+        self.skipped + self.lines.position().byte() >= self.counts.text.get()
     }
 
     /// Lines before the headings.
@@ -233,6 +236,13 @@ impl TableReader {
         found: &mut [ReadColumn],
     ) -> Result<(), TableError> {
         if record.len() != columns.len() && !self.fits(record, columns) {
+            // A quote that stays open takes the lines below into its cell.
+            let ends = record.iter().flatten().filter(|&&byte| byte == b'\n').count() as u64;
+            if ends > 0 {
+                // The end of the last line begins no other one.
+                let to_the_end = self.at_end() && record.iter().next_back().is_some_and(|field| field.ends_with(b"\n"));
+                return Err(Fault::OpenQuote.at(line + u64::from(to_the_end) - ends));
+            }
             let fault = Fault::FieldCount { expected: columns.len(), found: record.len() };
             return Err(self.locate(fault, line, None));
         }

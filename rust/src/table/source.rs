@@ -116,22 +116,24 @@ fn probe(reader: &mut impl Read) -> io::Result<Vec<u8>> {
 }
 
 fn refuse_other_kinds(start: &[u8]) -> Result<(), Fault> {
-    const KINDS: [(&[u8], &str); 9] = [
-        (b"PAR1", "a Parquet file"),
-        (b"PK\x03\x04", "a zip archive or a spreadsheet (.xlsx)"),
-        (b"\x89HDF", "an HDF5 or MATLAB 7.3 file"),
-        (b"MATLAB", "a MATLAB file"),
-        (b"\x28\xb5\x2f\xfd", "packed with zstd"),
-        (b"\xfd7zXZ", "packed with xz"),
-        (b"BZh", "packed with bzip2"),
-        (b"\xff\xfe", "UTF-16 text"),
-        (b"\xfe\xff", "UTF-16 text"),
+    const UNPACK: &str = "unpack it";
+    const SAVE: &str = "save it as UTF-8";
+    const KINDS: [(&[u8], &str, &str); 9] = [
+        (b"PAR1", "a Parquet file", "it is read by its own headings"),
+        (b"PK\x03\x04", "a zip archive or a spreadsheet (.xlsx)", "unpack it, or save the sheet as CSV"),
+        (b"\x89HDF", "an HDF5 or MATLAB 7.3 file", "it is read by a mapping file"),
+        (b"MATLAB", "a MATLAB file", "it is read by a mapping file"),
+        (b"\x28\xb5\x2f\xfd", "packed with zstd", UNPACK),
+        (b"\xfd7zXZ", "packed with xz", UNPACK),
+        (b"BZh", "packed with bzip2", UNPACK),
+        (b"\xff\xfe", "UTF-16 text", SAVE),
+        (b"\xfe\xff", "UTF-16 text", SAVE),
     ];
-    if let Some((_, kind)) = KINDS.iter().find(|(magic, _)| start.starts_with(magic)) {
-        return Err(Fault::Binary(kind));
+    if let Some((_, kind, advice)) = KINDS.iter().find(|(magic, _, _)| start.starts_with(magic)) {
+        return Err(Fault::Binary(kind, advice));
     }
     if start.contains(&0) {
-        return Err(Fault::Binary("binary data"));
+        return Err(Fault::Binary("binary data", "is it the right file?"));
     }
     if start.iter().all(u8::is_ascii_whitespace) {
         return Err(Fault::Empty);

@@ -135,7 +135,7 @@ fn gzip_is_known_by_its_bytes_and_may_have_several_members() {
 #[test]
 fn faults_name_line_and_column() {
     let columns = [TIME, Column { least: -1.0, hint: "check it".into(), absent: "remove the row".into(), ..NUMBER }];
-    let cases: [(&[u8], &str); 14] = [
+    let cases: [(&[u8], &str); 16] = [
         (b"t,a\n0,1\n1,x\n2,3\n", "line 3, column 'a': found \"x\"; expected a number such as -1.5 or 2.5e3"),
         (
             b"t,a\n0,1\n\n1,Inf\n2,3\n",
@@ -152,16 +152,24 @@ fn faults_name_line_and_column() {
             "line 4, column 't': time runs backwards, from 1.0 to 0.5; times may repeat but not decrease",
         ),
         (b"t,a\n0,-2\n", "line 2, column 'a': found -2.0, below the least possible value -1.0; check it"),
-        (b"t,a\n0,1,2\n1,2\n", "line 2: found 3 fields; the headings have 2"),
+        (b"t,a\n0,1,2\n1,2\n", "line 2: found 3 fields; the headings have 2: mend the line or remove it"),
         (
             b"t,a\n0,1\n1",
-            "line 3: found 1 fields; the headings have 2; the file ends inside this line: was it cut off, or is it still being written?",
+            "line 3: found 1 field; the headings have 2: mend the line or remove it; the file ends inside this line: was it cut off, or is it still being written?",
         ),
         (
             b"t,a\n0,1\n1,2e",
             "line 3, column 'a': found \"2e\"; expected a number such as -1.5 or 2.5e3; the file ends inside this line: was it cut off, or is it still being written?",
         ),
         (b"t,a\n0,\"1\n", "line 2, column 'a': found \"1\\n\"; expected a number such as -1.5 or 2.5e3"),
+        (
+            b"t,a\n0,1\n\"1,2\n2,3\n3,4\n",
+            "line 3: a quotation mark opens here and is not closed on this line; remove it",
+        ),
+        (
+            b"t,a\n0,1\n\n\"1,2\n2,3\n3,4",
+            "line 4: a quotation mark opens here and is not closed on this line; remove it",
+        ),
         (b"t,a\n", "has headings but no rows of numbers"),
         (b" \n\n", "the file is empty; expected a line of headings and lines of numbers"),
         (b"t,\xb5\n0,1\n", "line 1: the headings are not UTF-8 text; save the file as UTF-8"),
@@ -194,17 +202,17 @@ fn other_kinds_of_files_are_named() {
     let cases: [(&[u8], &str); 4] = [
         (
             b"PK\x03\x04rest",
-            "is not a text file but a zip archive or a spreadsheet (.xlsx); expected CSV, plain or gzip",
+            "is not a text file but a zip archive or a spreadsheet (.xlsx); expected CSV, plain or gzip: unpack it, or save the sheet as CSV",
         ),
-        (b"t,a\n\0\0", "is not a text file but binary data; expected CSV, plain or gzip"),
-        (b"\xff\xfet\0", "is not a text file but UTF-16 text; expected CSV, plain or gzip"),
+        (b"t,a\n\0\0", "is not a text file but binary data; expected CSV, plain or gzip: is it the right file?"),
+        (b"\xff\xfet\0", "is not a text file but UTF-16 text; expected CSV, plain or gzip: save it as UTF-8"),
         (b"", "the file is empty; expected a line of headings and lines of numbers"),
     ];
     for (content, expected) in cases {
         assert_eq!(text(content, &[TIME, NUMBER]), expected);
     }
     assert_eq!(read_path(Path::new("/nowhere/at/all"), &[]).unwrap_err().to_string(), "there is no such file");
-    assert_eq!(read_path(&std::env::temp_dir(), &[]).unwrap_err().to_string(), "is not a file");
+    assert_eq!(read_path(&std::env::temp_dir(), &[]).unwrap_err().to_string(), "is a folder; name a file in it");
 }
 
 #[test]
@@ -285,7 +293,7 @@ fn other_layouts_are_read_where_they_begin() {
     assert_eq!(reader.headings(), ["t", "p", "\u{b0}C", ""]);
     let wrong = |text: &[u8]| read_as(&[content, text].concat(), layout.clone(), &columns).unwrap_err().to_string();
     assert!(wrong(b"0,2;1.234,5;1;\r\n0,3;1;1;\r\n").starts_with("line 7, column 'p': found \"1.234,5\""));
-    assert!(wrong(b"0,2\n0,3;1;1\n").starts_with("line 7: found 1 fields; the headings have 4"));
+    assert!(wrong(b"0,2\n0,3;1;1\n").starts_with("line 7: found 1 field; the headings have 4"));
     assert!(wrong(b"0,2;1;1;;5\n0,3;1;1\n").starts_with("line 7: found 5 fields"));
     assert!(wrong(b"0,05;1;1").starts_with("line 7, column 't': time runs backwards"));
 }

@@ -21,7 +21,8 @@ def kind_of(path: Path) -> Kind | None:
             start = file.read(1024)
     except (OSError, ValueError):
         return None
-    return _by_content(path, start) or _by_name(path)
+    # A table of text is one whatever its name ends with.
+    return _by_content(path, start) or (None if _is_text(start) else _by_name(path))
 
 
 def _by_content(path: Path, start: bytes) -> Kind | None:
@@ -33,6 +34,12 @@ def _by_content(path: Path, start: bytes) -> Kind | None:
     if start.startswith(b"MATLAB") or (_ends(path, ".mat") and b"\0" in start[:20]):
         return "matlab"
     return None
+
+
+def _is_text(start: bytes) -> bool:
+    """Whether the first bytes are at least one line of plain text."""
+    printable = set(range(0x20, 0x100)) | set(b"\t\r\n")
+    return b"\n" in start and printable.issuperset(start)
 
 
 def _by_name(path: Path) -> Kind | None:
