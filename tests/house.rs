@@ -153,3 +153,35 @@ fn every_file_is_declared_by_a_line_that_cargo_fmt_sees() {
         files.keys().filter(|f| !declared.contains(f.trim_end_matches("/mod.rs").trim_end_matches(".rs"))).collect();
     assert!(unseen.is_empty(), "no mod line of its own: {unseen:?}");
 }
+
+/// The files beside a file that some of its code names by `super::`.
+fn beside<'a>(file: &str, code: &str, files: &'a BTreeMap<String, String>) -> BTreeSet<&'a str> {
+    let Some((folder, _)) = file.rsplit_once('/').filter(|(_, name)| *name != "mod.rs") else {
+        return BTreeSet::new();
+    };
+    let end = |rest: &str| rest.find(|c: char| c != '_' && !c.is_ascii_alphanumeric()).unwrap_or(rest.len());
+    let names: BTreeSet<&str> = code.split("super::").skip(1).map(|rest| &rest[..end(rest)]).collect();
+    let found = names.iter().filter_map(|name| files.get_key_value(&format!("{folder}/{name}.rs")));
+    found.map(|(other, _)| other.as_str()).filter(|other| *other != file).collect()
+}
+
+#[test]
+fn files_of_a_room_make_no_circles() {
+    let files = files();
+    let mut tests = BTreeSet::new();
+    let mut arrows: BTreeMap<&str, BTreeSet<&str>> = files
+        .iter()
+        .map(|(file, text)| (file.as_str(), beside(file, &without_tests(file, text, &mut tests), &files)))
+        .collect();
+    assert!(arrows.values().map(BTreeSet::len).sum::<usize>() > 20);
+    // Files that import none that is left are taken away, again and again; what stays stands in a circle, or above one.
+    loop {
+        let left: BTreeSet<&str> = arrows.keys().copied().collect();
+        let before = arrows.len();
+        arrows.retain(|_, others| others.iter().any(|other| left.contains(other)));
+        if arrows.len() == before {
+            break;
+        }
+    }
+    assert!(arrows.is_empty(), "in a circle, or above one: {:?}", arrows.keys());
+}
