@@ -12,6 +12,7 @@ from bha.diagnosis.decide import (
     GapTest,
     Thresholds,
     _too_much_noise,
+    allowance,
     decide,
     is_significant,
     tolerant,
@@ -39,6 +40,22 @@ def test_uncertain_parameters_excuse_errors_on_held_out_logs_only(
     mean_square: float, limit: float, ratio: float, training: float, expected: bool
 ) -> None:
     assert is_significant(mean_square, limit, ratio, training, Thresholds()) is expected
+
+
+@pytest.mark.parametrize("sizes", [[4.0], [4.0, 1.0, 0.1], [0.01] * 20, [0.0]])
+def test_a_right_model_with_uncertain_parameters_is_allowed_what_it_leaves(sizes: list[float]) -> None:
+    rng, rows, size = np.random.default_rng(3), 2000, len(sizes)
+    turn = np.linalg.qr(rng.standard_normal((size, size)))[0]
+    covariance = turn @ np.diag(sizes) @ turn.T
+    # White sensitivities whose squares add up to one a row.
+    spread = np.sqrt(rows) * np.linalg.qr(rng.standard_normal((rows, size)))[0]
+    limits = Thresholds(model=0.0)
+    expected, limit = allowance(spread.T @ spread @ covariance / rows, rows, 0.0, limits)
+    draws = rng.multivariate_normal(np.zeros(size), covariance, 4000) @ spread.T + rng.standard_normal((4000, rows))
+    left = np.mean(draws**2, axis=1)
+    assert np.mean(left) == pytest.approx(expected, rel=0.05)
+    assert np.mean(left > limit) < 0.02
+    assert limit < 1.3 * np.quantile(left, 0.99)
 
 
 @pytest.mark.parametrize("verdict", ["named", "unexplained", "equivalent"])

@@ -9,6 +9,7 @@ model.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from bha.diagnosis.cache import Cache
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve, problem_of, weighted, whole_logs, with_sensitivities
 from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera
 from bha.diagnosis.noises import Bound, bound_of, disturbed_outputs, mean_white_square, sensors_of
-from bha.diagnosis.preparation import cut_to, sound_records, thin
+from bha.diagnosis.preparation import begins_at_rest, cut_to, sound_records, thin
 from bha.diagnosis.valves import is_of_valves, through, without_valves
 from bha.errors import ConvergenceError, InputError
 from bha.estimation.bands import (
@@ -27,6 +28,7 @@ from bha.estimation.bands import (
     noise_model,
 )
 from bha.estimation.engine import Model, root_mean_square
+from bha.estimation.first_second import preceded, unsure_of_pressures
 from bha.estimation.integration import (
     COARSE_ERROR_SHARE,
     COARSE_MISFIT_SHARE,
@@ -99,6 +101,14 @@ class Prepared:
         records = tuple(sound_records(self.full, self.records, shown))
         return self if records == self.full else replace(self, records=records, full=records)
 
+    def preceded(self, model: Model, x: Array) -> tuple[Prepared, Model]:
+        """The same with what stood in the chambers before logs that begin in motion, by a model at ``x``; that too."""
+        records = preceded_in_motion(model.on(self.records), x)
+        thinned = any(len(record) != len(own) for record, own in zip(self.full, records, strict=True))
+        changed = records != self.records
+        found = replace(self, records=records, full=self.full if thinned else records) if changed else self
+        return found, model.on(records)
+
     def longest_step(self, error: float) -> float:
         """The longest step with at most that error, s; ``step`` if there is none."""
         return max((step for step, found in self.errors if found <= error), default=self.step)
@@ -167,6 +177,22 @@ def refuse_impossible(records: Sequence[Record], states: Sequence[Array]) -> Non
                 "and head_offset of the file again, where its base and its markers are, and the units of the "
                 "positions; or leave the log out"
             )
+
+
+def preceded_in_motion(model: Model, x: Array) -> tuple[Record, ...]:
+    """The records of a model, those of commands that begin in motion with what stood in the chambers before.
+
+    As they are where a simulation of their first second fails.
+    """
+    records = list(model.records)
+    moving = [k for k, record in enumerate(records) if unsure_of_pressures(model.parameters, record)]
+    moving = [k for k in moving if not begins_at_rest(records[k])]
+    if moving:
+        with suppress(ConvergenceError):
+            found = preceded(model.on([records[k] for k in moving]), x).records
+            for k, record in zip(moving, found, strict=True):
+                records[k] = record
+    return tuple(records)
 
 
 def _whole(records: Sequence[Record]) -> list[Window]:
@@ -244,6 +270,23 @@ def _with_file_camera(
         fits += _some_steps(problem, model, np.concatenate([x, np.zeros(model.size - still.size)]), states)
     best = min(fits, key=lambda fit: fit.cost, default=None)
     return free if best is None else (best.x, list(best.states))
+
+
+def _roughly(
+    model: Model, prepared: Prepared, rough: NoiseModel, starts: Sequence[Array], *, near: bool
+) -> tuple[Array, list[Array]]:
+    """Plain parameters and initial states from which a fit to whole logs goes on, see :func:`fit_baseline`."""
+    problem = whole_logs(model, rough, prepared.states)
+    if prepared.method == "ros2":
+        first = starts or [with_damping(model, np.zeros(model.size), factor) for factor in STIFF_DAMPINGS]
+        return _damped_fit(model, prepared, problem, first)
+    if near:
+        fits = _some_steps(problem, model, np.zeros(model.size), list(prepared.states))
+        return next(((fit.x, list(fit.states)) for fit in fits), (np.zeros(model.size), list(prepared.states)))
+    found = _pieces_fit(model, prepared, rough)
+    if any(of_camera(c) for c in model.plain):
+        return _with_file_camera(model, prepared, problem, rough, found)
+    return found
 
 
 def _some_steps(problem: Problem, model: Model, x: Array, states: list[Array]) -> list[Fit]:
@@ -326,34 +369,36 @@ def fit_baseline(
     label: str = "",
     *,
     starts: Sequence[Array] = (),
+    near: bool = False,
 ) -> Baseline:
     """Re-identify the plain parameters and initial states, first with a coarse noise model, then with the right one.
 
     ``model`` is on the thinned logs; ``scatter`` is what sets logs apart that begin alike, m, shape (channels,);
     ``label`` tells the fits of one cache apart; ``starts`` are coordinates from which a stiff arm is fitted. Where
-    there are none, factors on the file's damping are tried, here and in every fit that follows.
+    there are none, factors on the file's damping are tried, here and in every fit that follows. Of an arm that is
+    ``near`` whole logs are fitted at once: pieces, each from its own start, lead away from it.
 
     Raises:
         ConvergenceError: the nominal arm diverges under these logs.
     """
     cache = cache or Cache(None, "")
+    prepared, model = prepared.preceded(model, np.zeros(model.size))
     records = prepared.records
     # Far from the minimum the shape of the noise does not matter, and a steep whitening makes for narrow valleys.
     rough = noise_model(records, [[] for _ in records])
     stiff = prepared.method == "ros2"
     if stiff:
         model = with_wide_damping(model)
-    problem = whole_logs(model, rough, prepared.states, cache)
     shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
     known = cache.get("rough" + label, shapes)
     if known is None:
-        first = starts or [with_damping(model, np.zeros(model.size), factor) for factor in STIFF_DAMPINGS]
-        x, states = _damped_fit(model, prepared, problem, first) if stiff else _pieces_fit(model, prepared, rough)
-        if any(of_camera(c) for c in model.plain) and not stiff:
-            x, states = _with_file_camera(model, prepared, problem, rough, (x, states))
+        x, states = _roughly(model, prepared, rough, starts, near=near)
         cache.put("rough" + label, x=x, states=np.array(states))
     else:
         x, states = known["x"], list(known["states"])
+    prepared, model = prepared.preceded(model, x)
+    records = prepared.records
+    problem = whole_logs(model, rough, prepared.states, cache)
     fit = evaluate(problem, model, x, states)
     # At the step of the draws: what another makes of the same arm is no noise.
     fit = _integrated_for(model, prepared, fit, problem)
@@ -363,9 +408,8 @@ def fit_baseline(
     disturbed = disturbed_outputs(problem, fit, seed)
     bound = bound_of(records, fit.outputs, disturbed)
     for round_ in range(STRAY_ROUNDS):
-        prepared = prepared.without_strays(fit.outputs)
+        prepared, model = prepared.without_strays(fit.outputs).preceded(fit.model, fit.x)
         records = prepared.records
-        model = model.on(records)
         made = [bound(draws, record) for draws, record in zip(disturbed, records, strict=True)]
         sensors = sensors_of(prepared.full, records, fit.outputs, made)
         noise = noise_model(records, made, sensors, scatter)

@@ -97,12 +97,27 @@ def gap_test(
     held, covariance = holdout.problem, information(problem, fit).covariance
     here = evaluate(held, fit.model, fit.x, prediction.states)
     spread = columns(held, here, range(fit.model.size))
-    parameters = float(np.sum((spread @ covariance) * spread)) / held.rows
-    deviation = float(np.sqrt(2.0 / held.rows))
-    expected = 1.0 + parameters + more
-    limit = expected * (1.0 + limits.model) + limits.deviations * deviation
+    expected, limit = allowance((spread.T @ spread) @ covariance / held.rows, held.rows, more, limits)
     significant = is_significant(prediction.mean_square, limit, ratio, fit.squares / problem.rows, limits)
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)
+
+
+def allowance(shares: Array, rows: int, more: float, limits: Thresholds) -> tuple[float, float]:
+    """Mean square of white rows that a right model with uncertain parameters leaves, and the most that is no gap.
+
+    What uncertain parameters leave is one normal number squared for each of a few directions: where logs of the fit
+    leave one of them open, it scatters by as much as it is expected to be.
+
+    Args:
+        shares: what each coordinate and pair of them adds to the mean square, S^T S C / rows with the sensitivities S
+            of the held-out logs and the covariance C of the coordinates, shape (size, size).
+        rows: number of white rows.
+        more: what noise has in mean square there beyond that of the training logs.
+        limits: the thresholds.
+    """
+    expected = 1.0 + float(np.trace(shares)) + more
+    deviation = math.sqrt(2.0 / rows + 2.0 * float(np.sum(shares * shares.T)))
+    return expected, expected * (1.0 + limits.model) + limits.deviations * deviation
 
 
 def is_significant(mean_square: float, limit: float, ratio: float, training: float, limits: Thresholds) -> bool:

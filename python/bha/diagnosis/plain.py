@@ -3,10 +3,10 @@
 What: the plain fit (:mod:`bha.diagnosis.baseline`) is a local one. A data sheet's values are near enough; those of a
 tape measure are off by factors, and then the fit diverges or ends in another valley. Where it leaves much of the
 motion, or nothing comes of it, it is made again from where an identification would begin
-(:mod:`bha.estimation.begin`), and the better of the two counts. Where that leaves a gap on the logs of the fit, the
-arm is identified with what labs know as priors, springs of as many powers as its file has, and the fit made from
-there; it counts if it leaves no gap. Under commands a lag of two stages and a dead time of all inputs are among its
-numbers (:mod:`bha.diagnosis.valves`).
+(:mod:`bha.estimation.begin`), and the better of the two counts. Where that leaves a gap on the logs of the fit, or its
+numbers are farther from the file's than these plausibly are, the arm is identified with what labs know as priors, and
+the fit made from there; it counts if it leaves no gap. Under commands a lag of two stages and a dead time of all inputs
+are among its numbers (:mod:`bha.diagnosis.valves`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from bha.arm import Arm
 from bha.diagnosis.baseline import Baseline, fit_baseline, prepare_runs
@@ -27,15 +28,14 @@ from bha.diagnosis.model import plain_model
 from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.valves import DELAY, LAG, Start, at, begun, coordinates_of, starts_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
-from bha.estimation.asked import holds_off, stands_elsewhere
+from bha.estimation.asked import stands_elsewhere
 from bha.estimation.begin import begin
-from bha.estimation.free import FreeParameter, apply, resolve
-from bha.estimation.lags import is_of_commands, with_lag
+from bha.estimation.defaults import by_default
+from bha.estimation.free import apply, resolve
 from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
 from bha.estimation.refinement import refine, remembers
 from bha.estimation.runs import Integration
-from bha.estimation.scale import default_free_of
 from bha.estimation.settings import Settings
 from bha.parameters import ArmParameters
 from bha.recordings.beginning import preloaded
@@ -49,6 +49,8 @@ Tell = Callable[[str, float | None], None]
 #: Part of the motion (RMS over all outputs) that a plain fit may leave and still counts as found. Physics that is
 #: missing leaves 0.01 to 0.15 of it in the blind worlds; a fit in the wrong valley 0.3 and more.
 FOUND = 0.2
+#: How rarely a file of which numbers are known as well as a plain model takes them to be is as far off as that.
+IMPLAUSIBLE = 1e-3
 #: Numbers of a section that have the scale of its forces.
 FORCES = ("mass", "inertia", "stiffness", "damping", "bending_stiffness", "axial_stiffness", "terminal_area")
 
@@ -87,6 +89,12 @@ class Plain:
     def gap(self) -> float:
         """What it leaves of the training logs over their noise, RMS of the white residual."""
         return float(np.sqrt(self.baseline.fit.squares / self.baseline.problem.rows))
+
+    @property
+    def is_plausible(self) -> bool:
+        """Whether its numbers are as far from the file's as these plausibly are, all together."""
+        fit = self.baseline.fit
+        return fit.prior <= float(stats.chi2.ppf(1.0 - IMPLAUSIBLE, max(1, fit.model.size)))
 
     @property
     def left(self) -> float:
@@ -163,11 +171,12 @@ def fit_plain(
         model = replace(model.on(prepared.records), integration=prepared.integration(threads))
         tell("re-identifying the plain model", None)
         begins = [at(model, own) for own in starts]
-        return Plain(start, fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins), moved)
+        found = fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins, near=identified)
+        return Plain(start, found, moved)
 
     def begun_anew() -> Plain | None:
         tell("looking for where to begin", None)
-        start = _begun(arm, train, threads, commanded)
+        start = _begun(arm, train, threads)
         if start is not None:
             with suppress(ConvergenceError):
                 return fitted(start, "begun", "where held poses and a search over dampings say")
@@ -176,12 +185,14 @@ def fit_plain(
     def settled(found: Plain) -> Plain:
         """What was found, or where that leaves a gap the fit that an identification leads to, if that leaves none.
 
-        With more that is free and priors of its own it may take up an effect; what is not needed is no finding.
+        With more that is free and priors of its own it may take up an effect; what is not needed is no finding. A fit
+        at the noise that is far from its file goes by priors that do not hold, in all that its logs do not tell, too:
+        it may be anywhere on others.
         """
-        if found.gap < MATERIAL or held_off or faults or doubts:
+        if (found.gap < MATERIAL and found.is_plausible) or held_off or faults or doubts:
             return found
         tell("identifying the plain arm", None)
-        if (start := _identified(arm, train, threads, commanded)) is not None:
+        if (start := _identified(arm, train, threads)) is not None:
             with suppress(ConvergenceError):
                 other = fitted(start, "identified", "at what an identification of the logs finds", identified=True)
                 return other if other.gap < MATERIAL else found
@@ -208,27 +219,28 @@ def fit_plain(
     return settled(min(fits, key=lambda fit: fit.left))
 
 
-def _begun(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bool) -> Arm | None:
+def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
     """The arm from which an identification of these logs would begin; None where that is the file's.
 
     Of commands without their lag and dead time, which are looked for anew from there.
     """
     try:
-        lagging, free = _free(arm, train, commanded)
+        lagging, free = by_default(arm, train)
         found = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
         if found.from_file:
             return None
-        coordinates = resolve(arm.parameters, [f for f in found.free if not is_of_commands(f.path)])
-        moved = apply(arm.parameters, coordinates, np.zeros(len(coordinates)))
+        parameters = found.arm.parameters
+        coordinates = resolve(parameters, found.free)
+        moved = _without_valves(apply(parameters, coordinates, np.zeros(len(coordinates))), arm.parameters)
         return arm.with_parameters(_with_free_areas(moved, arm.parameters))
     except BhaError:
         return None
 
 
-def _identified(arm: Arm, train: Sequence[Record], threads: int | None, commanded: bool) -> Arm | None:
+def _identified(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
     """The arm that an identification of these logs finds, valves of commands included; None where it finds none."""
     try:
-        lagging, free = _free(arm, train, commanded, second=True)
+        lagging, free = by_default(arm, train)
         start = begin(lagging, train, free, whole=remembers(lagging, train), threads=threads)
         found = refine(start.arm, train, start.free, Settings(threads=threads, draws=0, prediction_error=False)).arm
         scaled = _at_the_files_scale(found.parameters, arm.parameters)
@@ -264,15 +276,10 @@ def _at_the_files_scale(found: ArmParameters, file: ArmParameters) -> ArmParamet
     return found.updated({"section": [scaled(table) for table in mapping["section"]]})
 
 
-def _free(
-    arm: Arm, train: Sequence[Record], commanded: bool, *, second: bool = False
-) -> tuple[Arm, tuple[FreeParameter, ...]]:
-    """The arm and what an identification of these logs leaves free of it, but for what its first poses tell."""
-    lagging, lags = with_lag(arm, train, second=second) if commanded else (arm, ())
-    free = (*default_free_of(arm.parameters, train), *lags)
-    if preloaded(arm.parameters):
-        free = tuple(f for f in free if not holds_off(f.path))
-    return lagging, free
+def _without_valves(moved: ArmParameters, file: ArmParameters) -> ArmParameters:
+    """The parameters with what lies between commands and chambers as the file has it."""
+    own = file.to_mapping()
+    return moved.updated({"effect": own.get("effect", []), "pneumatics": own.get("pneumatics")})
 
 
 def _with_free_areas(moved: ArmParameters, file: ArmParameters) -> ArmParameters:

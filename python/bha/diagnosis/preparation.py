@@ -118,6 +118,17 @@ def from_rest(record: Record) -> Record:
 
     For commanded pressures: what the chambers hold when a log begins is not known, unless the arm has come to rest.
     """
+    start = _rests_from(record)
+    return record if start in (None, record.time[0]) else record.between(float(start), float(record.drive.time[-1]))
+
+
+def begins_at_rest(record: Record) -> bool:
+    """Whether the arm rests under its pressures where the record begins."""
+    return record.resting is not None or _rests_from(record.alone) == record.time[0]
+
+
+def _rests_from(record: Record) -> float | None:
+    """Time from which on the arm first rests under its pressures, s; None where it never does."""
     time, outputs, drive = record.time, record.measured, record.drive
     least = np.maximum(
         REST_TRAVEL * np.ptp(np.quantile(outputs, [0.02, 0.98], axis=0), axis=0).max(), 6.0 * record.noise
@@ -134,8 +145,8 @@ def from_rest(record: Record) -> Record:
         # A command that has just come shows in the arm only later.
         rested = row == 0 or now - constant_since >= REST_TIME
         if rested and change > time[end] and np.all(np.ptp(outputs[row:end], axis=0) <= least):
-            return record if row == 0 else record.between(float(now), float(drive.time[-1]))
-    return record
+            return float(now)
+    return None
 
 
 def with_least_noise(records: Sequence[Record]) -> list[Record]:

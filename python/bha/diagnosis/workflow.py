@@ -13,10 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis import catalogue
-from bha.diagnosis.baseline import (
-    Baseline,
-    Prepared,
-)
+from bha.diagnosis.baseline import Baseline, Prepared, preceded_in_motion
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.candidate import core_ranges
 from bha.diagnosis.decide import Decision, Thresholds, decide, gap_test, tolerant, untold, without_faults
@@ -158,7 +155,7 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     sound = sound_records(held, holdout.problem.records, holdout.predict(model, plain_fit.x).outputs)
     if sound != held:
         holdout = _holdout(baseline, prepared, sound)
-    held = list(holdout.readings.records)
+    held = [record.alone for record in holdout.readings.records]
     first = Trial((), plain_fit, holdout)
     prediction = first.prediction
     state = Search(first, first)
@@ -348,10 +345,11 @@ def _measured(records: Sequence[Record], arm: Arm) -> tuple[bool, bool]:
 
 def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record]) -> Holdout:
     factor = max(1, round(prepared.records[0].sample_time / min(r.sample_time for r in held)))
-    records = tuple(thin(r, factor) for r in held)
-    model = baseline.fit.model.on(records)
+    model = baseline.fit.model.on([thin(r, factor) for r in held])
+    records = preceded_in_motion(model, baseline.fit.x)
+    model = model.on(records)
     states = model.guesses(baseline.fit.x, [Window(k, 0, len(r)) for k, r in enumerate(records)])
-    readings = Readings(tuple(cut_to(r, t) for r, t in zip(held, records, strict=True)))
+    readings = Readings(tuple(cut_to(r, t) for r, t in zip(held, records, strict=True)) if factor > 1 else records)
     return Holdout(whole_logs(model, baseline.noise, list(states)), list(states), readings)
 
 

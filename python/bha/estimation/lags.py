@@ -138,11 +138,6 @@ def is_dead_time(path: str) -> bool:
     return path.startswith("effect.") and path.endswith(".time")
 
 
-def is_of_commands(path: str) -> bool:
-    """Whether a number is of what lies between a command and its chamber."""
-    return path in PATHS or is_dead_time(path)
-
-
 def delayed(coordinates: Sequence[Coordinate], z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Points like ``z`` with dead times, each with the lag as it is and shorter by as much; none where none is free."""
     made: list[NDArray[np.float64]] = []

@@ -9,14 +9,14 @@ from dataclasses import replace
 from bha.arm import Arm
 from bha.errors import InputError
 from bha.estimation.apart import mean_pressures
-from bha.estimation.asked import stands_elsewhere
 from bha.estimation.begin import Begin, begin
+from bha.estimation.defaults import by_default
 from bha.estimation.free import FreeParameter
 from bha.estimation.lags import PATHS as LAG_PATHS
-from bha.estimation.lags import CommonTime, common_times, with_lag
+from bha.estimation.lags import CommonTime, common_times
 from bha.estimation.records import Record
 from bha.estimation.refinement import refine, remembers
-from bha.estimation.scale import default_free_of, scale_of, with_curved_springs
+from bha.estimation.scale import scale_of
 from bha.estimation.settings import Settings
 from bha.estimation.strays import in_words
 from bha.identification.arranged import arranged, by_session
@@ -54,7 +54,7 @@ def identify(
         logs: logs to fit, or recordings or records of them, with pressures and lengths or heads.
         free: what to estimate, as paths (``bha.parameters.paths``) or free parameters with bounds and priors; if None
             mass, stiffness, bending stiffness and damping of each section and what else the logs ask for
-            (:mod:`bha.estimation.scale`, :mod:`bha.estimation.lags`): the camera's frame where all logs have all three
+            (:func:`bha.estimation.defaults.by_default`): the camera's frame where all logs have all three
             coordinates of some head, areas and rest lengths where heads are all that is seen, lags of commands.
         holdout: logs that take no part in the fit and are predicted before and after it.
         changes: what is known to have been otherwise of the arm in some logs: name of the log (its file's) -> path ->
@@ -88,10 +88,7 @@ def identify(
     arm, used, held = found.arm, found.used, found.held
     lagging, splits = arm, free is None
     if free is None:
-        # What an arm remembers would become curves of its springs.
-        curved = arm if stands_elsewhere(used) else with_curved_springs(arm)
-        lagging, lags = with_lag(curved, used, second=True)
-        free = (*default_free_of(lagging.parameters, used), *lags)
+        lagging, free = by_default(arm, used)
     free = by_session(free, per_session, used, held)
     settings = settings or Settings()
 
