@@ -13,6 +13,7 @@ import pytest
 import bha
 from bha.diagnosis import Diagnosis
 from bha.diagnosis.arm_figure import blamed_bellows, blamed_heads
+from bha.diagnosis.figures import decade_ticks
 from bha.diagnosis.result import Effect
 
 from .synthetic import make_logs, one_section
@@ -104,3 +105,18 @@ def test_culprits_are_the_bellows_of_a_place_or_a_head() -> None:
     assert blamed_bellows(arm, effect("payload", "section 3")) == []
     assert blamed_bellows(arm, effect("delay", "sensors")) == []
     assert blamed_heads(arm, [effect("payload", "section 3")]) == [3 - 1]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "within"),
+    [
+        (2e-3, 5.0, [0.01, 0.1, 1.0]),
+        (0.15, 1.4, [0.2, 0.5, 1.0]),
+        (0.17, 0.32, [0.2, 0.25, 0.3]),
+        (0.171, 0.204, [0.18, 0.19, 0.2]),
+    ],
+)
+def test_a_logarithmic_axis_has_at_least_three_ticks_within_its_values(
+    low: float, high: float, within: list[float]
+) -> None:
+    assert [tick for tick in decade_ticks(low, high) if low <= tick <= high] == pytest.approx(within)

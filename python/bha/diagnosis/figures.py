@@ -303,9 +303,18 @@ def _ratios(low: float, high: float) -> list[float]:
 
 
 def _decades(update: Callable[..., Any], values: Sequence[float], title: str) -> None:
-    """A logarithmic axis with ticks at 1, 2, 5 of every decade, or at decades where there are many."""
-    low, high = min(values, default=1.0), max(values, default=1.0)
-    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
-    digits = (1.0, 2.0, 5.0) if last - first <= 2 else (1.0,)
-    ticks = [d * 10.0**k for k in range(first, last + 1) for d in digits]
+    """A logarithmic axis with ticks at decades, or as many between them as three of them need within the values."""
+    ticks = decade_ticks(min(values, default=1.0), max(values, default=1.0))
     update(title=title, type="log", tickvals=ticks, ticktext=[f"{t:.3g}" for t in ticks])
+
+
+def decade_ticks(low: float, high: float) -> list[float]:
+    """Ticks of a logarithmic axis over values from ``low`` to ``high``, and beyond to whole decades."""
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    even = [[step * k for k in range(round(1.0 / step), round(10.0 / step))] for step in (1.0, 0.5, 0.1)]
+    ticks: list[float] = []
+    for digits in ([1.0], [1.0, 2.0, 5.0], *even):
+        ticks = [d * 10.0**k for k in range(first, last + 1) for d in digits]
+        if sum(low <= tick <= high for tick in ticks) >= 3:
+            break
+    return ticks
