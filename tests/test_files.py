@@ -177,3 +177,17 @@ def test_locks_are_given_back(tmp_path: Path) -> None:
         write(tmp_path / "a.csv", str(k))
     assert time.monotonic() - begin < 20.0
     assert os.listdir(tmp_path) == ["a.csv"]
+
+
+def test_a_log_that_is_read_is_not_written_over(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("measured once")
+    (tmp_path / "link.csv").symlink_to(log)
+    (tmp_path / "folder").mkdir()
+    for path in (log, tmp_path / "link.csv", tmp_path / "folder" / ".." / "log.csv"):
+        with pytest.raises(
+            bha.InputError, match=r"log\.csv: is a log that is read, and logs stay as they are|link\.csv: is"
+        ):
+            check_target(path, keep=[tmp_path / "not_there.csv", log])
+    check_target(tmp_path / "new.csv", keep=[log])
+    check_target(log, keep=[tmp_path / "not_there.csv"])

@@ -126,11 +126,22 @@ def test_several_logs_go_into_a_folder(tmp_path: Path) -> None:
     assert "is a file; name a folder" in run("convert", *logs, "--out", logs[0]).output
 
 
+def test_a_log_does_not_become_itself(tmp_path: Path) -> None:
+    text = "t [ms],p11 [Pa]\n0,1\n1,2\n"
+    for name in ("one.csv", "two.csv"):
+        (tmp_path / name).write_text(text)
+    for arguments in (["one.csv", "--out", "one.csv"], ["one.csv", "two.csv", "--out", "."]):
+        result = run("convert", *[tmp_path / word if not word.startswith("--") else word for word in arguments])
+        assert result.exit_code == 1
+        assert "one.csv: is a log that is read" in result.output
+    assert (tmp_path / "one.csv").read_text() == text
+
+
 def test_wrong_options_of_convert(table: Path) -> None:
     assert "--out: not given" in run("convert", table).output
     assert "--list prints what one file has" in run("convert", table, table, "--list").output
     table.write_text("t [s],p11 [kPa(g)]\n0,0\n1,2\n")
-    assert "is the log itself" in run("convert", table, "--out", table).output
+    assert "is a log that is read" in run("convert", table, "--out", table).output
     assert "unknown extension .mat" in run("convert", table, "--out", table.with_suffix(".mat")).output
     assert "there is no such file" in run("convert", table.with_name("none.csv"), "--list").output
     assert "is a folder" in run("convert", table.parent, "--list").output

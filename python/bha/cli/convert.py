@@ -11,7 +11,7 @@ from bha.cli.logs import columns_option, missing_option
 from bha.errors import InputError
 from bha.logs.conversion import Converted, listed
 from bha.logs.conversion import convert as convert_log
-from bha.support.files import make_folder
+from bha.support.files import check_target, make_folder
 
 
 @click.command()
@@ -45,6 +45,8 @@ def convert(
         twice = next((target for target in targets if targets.count(target) > 1), None)
         if twice is not None:
             raise InputError(f"{twice}: two of the logs would become this file; convert them one by one")
+    for target in targets:
+        check_target(target, keep=logs)
     written: list[Converted] = []
     with progress_bar(hidden=as_json) as bar:
         for path, target in zip(logs, targets, strict=True):

@@ -94,7 +94,7 @@ def identify_command(
     A fit that does not converge says so, keeps its best point and ends with exit code 3. After Ctrl-C in the fit the
     point that it has reached is written, without intervals; the exit code is then 130.
     """
-    check_target(out)  # before the work, lest it be lost
+    check_target(out, keep=[*logs, *holdouts])  # before the work, lest it be lost
     check_options(click.get_current_context(), procedure)
     stem = (out or logs[0]).with_suffix("")
     if procedure is not None:

@@ -81,7 +81,7 @@ def simulate(
     what the sensors would have had: the error of each output is printed. A run that diverges ends with an error; the
     rows until then are in the file.
     """
-    check_target(out)  # before the work, lest it be lost
+    check_target(out, keep=[input_path])  # before the work, lest it be lost
     notes: list[str] = []
     if residual_path is not None:
         from bha.diagnosis.force_table import ResidualTable  # noqa: PLC0415  (needs an optional extra)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bha.errors import InputError, LogWarning
+from bha.errors import LogWarning
 from bha.logs import formats
 from bha.logs.content import raw_of_file
 from bha.logs.foreign import kinds
@@ -68,10 +68,8 @@ def convert(
         LogWarning: what is odd about the log.
     """
     source, target = Path(path), Path(out)
-    check_target(target)
+    check_target(target, keep=[source])
     formats.check_extension(target)
-    if target.exists() and source.exists() and target.samefile(source):
-        raise InputError(f"{target}: is the log itself; name another file")
     raw = raw_of_file(
         source,
         ambient_pressure=STANDARD_ATMOSPHERE,

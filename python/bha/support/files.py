@@ -6,7 +6,7 @@ import errno
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -64,18 +64,32 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             unlock(descriptor)
 
 
-def check_target(path: str | os.PathLike[str] | None) -> None:
+def check_target(path: str | os.PathLike[str] | None, *, keep: Iterable[str | os.PathLike[str]] = ()) -> None:
     """Check that a file could be written, before the work whose result it is to hold; nothing is made. None is fine.
+
+    Args:
+        path: of the file.
+        keep: files that it must not be: what was measured is there once.
 
     Raises:
         InputError, FileError: as :func:`written_whole`.
     """
     if path is None:
         return
-    target, _ = _target(path)
+    target, before = _target(path)
+    if before is not None and any(_is(before, other) for other in keep):
+        raise InputError(f"{os.fspath(path)}: is a log that is read, and logs stay as they are; choose another name")
     if not os.access(target.parent, os.W_OK):
         error = OSError(errno.EACCES, os.strerror(errno.EACCES))
         raise FileError(f"{target}: cannot be written: {way_out(error)}")
+
+
+def _is(status: os.stat_result, path: str | os.PathLike[str]) -> bool:
+    """Whether a path is that of a file with this status; not so for one that cannot be asked."""
+    try:
+        return os.path.samestat(status, os.stat(path))
+    except (OSError, ValueError):
+        return False
 
 
 def _target(path: str | os.PathLike[str]) -> tuple[Path, os.stat_result | None]:
