@@ -220,6 +220,7 @@ def test_faults_of_files(tmp_path: Path) -> None:
     assert fault(write(tmp_path, packed[:-20])) == "FILE: the gzip data ends too early: the file was cut off"
     assert "the gzip data is damaged" in fault(write(tmp_path, packed[:40] + b"\xff" * 9 + packed[49:]))
     assert "a zip archive or a spreadsheet (.xlsx)" in fault(write(tmp_path, b"PK\x03\x04"))
+    assert "is a parameter file by its name, and no log" in fault(write(tmp_path, GOOD, "arm.toml"))
 
 
 def test_columns_that_only_look_like_quantities_are_kept(tmp_path: Path) -> None:

@@ -354,9 +354,12 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "binary.toml").write_bytes(b"\x00\xff\xfe")
     with pytest.raises(ParameterError, match=r"binary.toml: not a TOML file: byte 1 is not UTF-8 text; save it"):
         ArmParameters.read(tmp_path / "binary.toml")
+    (tmp_path / "log.csv").write_text("t [s],p11 [Pa]\n0,1\n")
+    with pytest.raises(ParameterError, match=r"log.csv: not a TOML file: .*; name a file that ends with .toml"):
+        ArmParameters.read(tmp_path / "log.csv")
     with pytest.raises(InputError, match=r"the folder .* does not exist"):
         read(ARM).write(tmp_path / "nowhere" / "arm.toml")
-    assert [path.name for path in tmp_path.iterdir()] == ["binary.toml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["binary.toml", "log.csv"]
 
 
 def test_windows_line_ends_and_byte_order_mark(tmp_path: Path) -> None:

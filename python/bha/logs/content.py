@@ -105,6 +105,8 @@ def raw_of_file(
 
     Without ``mapping`` one that lies beside the file counts, see :func:`bha.logs.foreign.mapping.beside`.
     """
+    if path.suffix.lower() == ".toml" and path.is_file():
+        raise LogError(f"{os.fspath(path)}: is a parameter file by its name, and no log; name a log, such as log.csv")
     kind = kinds.kind_of(path)
     if mapping is None and (found := beside(path, of_folder=kind is not None)) is not None:
         mapping = read_mapping(found)

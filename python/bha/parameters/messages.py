@@ -49,7 +49,10 @@ def not_toml(origin: str, text: str, error: Exception) -> str:
     if line and "overwrite a value" in what:
         key = text.split("\n")[int(line[1]) - 1].partition("=")[0].strip()
         return f"{origin}, line {line[1]}: {key} is given twice; remove one of the two"
-    return f"{origin}: not a TOML file: {what}"
+    elsewhere = (
+        "" if origin.lower().endswith(".toml") or origin.startswith("<") else "; name a file that ends with .toml"
+    )
+    return f"{origin}: not a TOML file: {what}{elsewhere}"
 
 
 def wrong_schema(origin: str, mapping: Mapping[str, Any], schema: str, what: str = "a parameter file of an arm") -> str:
