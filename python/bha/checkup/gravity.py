@@ -36,8 +36,10 @@ Array = NDArray[np.float64]
 
 #: How much less poses must leave with gravity reversed (:func:`bha.checkup.held.gain`) than with the file as it is, and
 #: than with the best physics of few numbers beside it: by what a search may end short of its best. From ``SOME`` on,
-#: where that physics is not clearly better, it is a doubt. Table: docs/decisions/0013.
+#: where that physics is not clearly better, it is a doubt. What is carried over may speak for it too, from ``BESIDE``
+#: on; poses alone ask for ``ALONE`` in the place of ``BEYOND``. Table: docs/decisions/0013.
 HELD, BEYOND, SOME, NOT_BEHIND = 0.05, 0.01, 0.12, 0.1
+BESIDE, ALONE = 0.1, 0.03
 #: Logarithm of how many times less the bending leaves unexplained with gravity reversed (product over the sections),
 #: and what it is not expected to leave below.
 CARRIED, CARRIED_FLOOR = 0.4, 0.003
@@ -68,7 +70,8 @@ class Signs:
     @property
     def by_poses(self) -> bool:
         """Whether the poses say that gravity is reversed."""
-        return self.weighs and self.held > HELD and self.beyond > BEYOND and self.carried > -CARRIED
+        beyond = BEYOND if self.carried > BESIDE else ALONE
+        return self.weighs and self.held > HELD and self.beyond > beyond and self.carried > -CARRIED
 
     @property
     def by_carrying(self) -> bool:

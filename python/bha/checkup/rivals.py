@@ -30,8 +30,10 @@ if TYPE_CHECKING:
     from bha.recordings import Recording
 
 #: Standard deviations of a gain, of the change of a bellows' spring, of an offset in ranges of pressure, and of a
-#: spring between sections in what the springs of a section's bellows resist its bending.
+#: spring between sections in what a section resists its bending.
 GAIN, SPRING, OFFSET, COUPLING = 0.2, 0.25, 0.1, 1.0
+#: What springs between sections begin with, in the same.
+STIFF = (0.0, 1.0, 4.0)
 
 
 def best_rival(arm: Arm, made: Sequence[Recording], *starts: Statics | None) -> Statics | None:
@@ -58,18 +60,19 @@ def _rivals(arm: Arm) -> Iterator[tuple[Arm, list[FreeParameter]]]:
     fed = [[bellows.input for bellows in section.resolved_bellows(k)] for k, section in enumerate(sections, start=1)]
     inputs, bellows, joints = (tuple(map(str, Place().parts(sort, fed))) for sort in ("input", "bellows", "section"))
     span = float(np.mean([np.ptp(section.pressure_range) for section in sections]))
-    bent = float(np.mean([_bending_of_springs(section, k) for k, section in enumerate(sections, start=1)]))
-    for kind, places, key, spread, low, high in (
-        ("pressure_offset", inputs, "offset", OFFSET * span, -span, span),
-        ("pressure_gain", inputs, "gain", GAIN, -0.9, 2.0),
-        ("weak_bellows", bellows, "change", SPRING, -0.9, 2.0),
-        ("section_coupling", joints[:-1], "stiffness", COUPLING * bent, 0.0, 10.0 * bent),
+    bent = float(np.mean([_bending(section, k) for k, section in enumerate(sections, start=1)]))
+    for kind, places, key, spread, low, high, begin in (
+        ("pressure_offset", inputs, "offset", OFFSET * span, -span, span, 0.0),
+        ("pressure_gain", inputs, "gain", GAIN, -0.9, 2.0, 0.0),
+        ("weak_bellows", bellows, "change", SPRING, -0.9, 2.0, 0.0),
+        # Two sections that are nearly one bend otherwise than two with a weak spring between them.
+        *(("section_coupling", joints[:-1], "stiffness", COUPLING * bent, 0.0, 10.0 * bent, k * bent) for k in STIFF),
     ):
         if not places:
             continue
         own = arm.parameters.effects
         effects: list[EffectParameters | Mapping[str, Any]]
-        effects = [*own, *({"kind": kind, "where": place, key: 0.0} for place in places)]
+        effects = [*own, *({"kind": kind, "where": place, key: begin} for place in places)]
         free = [
             FreeParameter(
                 f"effect.{k}.{key}", lower=low, upper=high, prior=(0.0, spread), logarithmic=False, scale=spread
@@ -79,6 +82,7 @@ def _rivals(arm: Arm) -> Iterator[tuple[Arm, list[FreeParameter]]]:
         yield arm.with_effects(effects), free
 
 
-def _bending_of_springs(section: SectionParameters, number: int) -> float:
-    """By how much the springs of a section's bellows resist its bending, N m."""
-    return 0.5 * abs(section.stiffness[0]) * sum(bellows.radius**2 for bellows in section.resolved_bellows(number))
+def _bending(section: SectionParameters, number: int) -> float:
+    """By how much a section resists its bending, by the springs of its bellows and by itself, N m."""
+    of_springs = 0.5 * abs(section.stiffness[0]) * sum(b.radius**2 for b in section.resolved_bellows(number))
+    return float(of_springs + section.bending_stiffness[0])
