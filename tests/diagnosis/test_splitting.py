@@ -107,3 +107,14 @@ def test_a_number_on_its_bound_is_varied_to_the_other_side() -> None:
     greatest = {"kind": "tool_drag", "where": "section 1", "stiffness": 10000.0, "damping": 0.0, "drag": 0.0}
     members = [arm(), one_section().with_effects([greatest])]
     assert np.isfinite(apart(members, named(TILT), time, pressures, OBSERVATION, NOISE))
+
+
+def test_a_class_of_an_arm_with_a_number_that_no_arm_has_is_not_split() -> None:
+    """Fits may end there; the diagnosis says so, and does not end with it."""
+    heavy = 80.0 / one_section().parameters.sections[0].mass
+    absurd = one_section({"mass": heavy}).with_effects(
+        [{"kind": "weak_bellows", "where": "bellows 11", "change": -0.2}]
+    )
+    time, pressures = np.linspace(0.0, 1.0, 11), np.full((11, 3), 1.2e5)
+    effect = Effect(kind="weak_bellows", where="bellows 11", parameters={}, confidence=1.0, alone=1.0, gap_removed=1.0)
+    assert np.isnan(apart([absurd, absurd], effect, time, pressures, OBSERVATION, 1e-4))

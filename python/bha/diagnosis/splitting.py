@@ -129,19 +129,19 @@ def apart(
     noise: float,
 ) -> float:
     """How far apart the nearest two of the arms would be found, in standard deviations; NaN where one diverges."""
-    coordinates = resolve(members[0].parameters, default_free(members[0].parameters))
-    zero = np.zeros(len(coordinates))
-    varied: list[Arm] = []
-    for k in range(len(coordinates)):
-        changed = zero.copy()
-        changed[k] = CHANGE
-        varied.append(Arm(apply(members[0].parameters, coordinates, changed)))
-    stronger = [_stronger(member) for member in members]
-    varied += [arm for arms in stronger for arm in arms]
-    rows = np.arange(0.0, time[-1], 1.0 / ROWS)
-    drive = Input(time, pressures)
-    arms = [*members, *varied]
     try:
+        coordinates = resolve(members[0].parameters, default_free(members[0].parameters))
+        zero = np.zeros(len(coordinates))
+        varied: list[Arm] = []
+        for k in range(len(coordinates)):
+            changed = zero.copy()
+            changed[k] = CHANGE
+            varied.append(Arm(apply(members[0].parameters, coordinates, changed)))
+        stronger = [_stronger(member) for member in members]
+        varied += [arm for arms in stronger for arm in arms]
+        rows = np.arange(0.0, time[-1], 1.0 / ROWS)
+        drive = Input(time, pressures)
+        arms = [*members, *varied]
         starts = [np.concatenate([a.static_lengths(pressures[0]), np.zeros(3 * a.section_count)]) for a in arms]
         batch = simulate_batch(
             arms,

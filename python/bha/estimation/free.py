@@ -36,7 +36,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "radius": (0.0, 1.0),
     "terminal_area": (1e-6, 0.1),
     "rest_length": (5e-3, 2.0),
-    "damping": (0.0, 1e4),
+    "damping": (0.0, 1e6),
     "axial_rest_length": (5e-3, 2.0),
     "axial_damping": (0.0, 1e6),
     "bending_plane": (-2.0 * math.pi, 2.0 * math.pi),
