@@ -9,9 +9,11 @@ import pytest
 
 import bha
 from bha.diagnosis import Diagnosis, headline
+from bha.diagnosis.candidate import Candidate, core_ranges
+from bha.diagnosis.catalogue import available
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.result import Alternative
-from bha.diagnosis.slowness import divided, lag_or_damping, relaxation
+from bha.diagnosis.slowness import divided, lag_of, lag_or_damping, relaxation
 from bha.estimation.lags import common_with
 from bha.estimation.records import record
 
@@ -92,8 +94,27 @@ def test_two_stages_alike_are_one_class_with_their_common_time_and_what_splits_i
 def test_stages_are_divided_otherwise_at_the_same_common_time() -> None:
     arm = slow_arm(0.2)
     model = plain_model(arm)
-    assert relaxation(model, np.zeros(model.size)) == pytest.approx(0.2, rel=0.35)  # its springs stiffen
+    assert relaxation(model, np.zeros(model.size), (1,)) == pytest.approx(0.2, rel=0.35)  # its springs stiffen
     assert divided(model, np.zeros(model.size), 0.5, 0.1) is None
+
+
+def test_a_lag_of_one_section_is_exchanged_with_the_damping_of_that_section_alone() -> None:
+    arm = bha.robots.load("bha_nominal")
+    kind = next(plan for plan in available(("pressure_lag",)))
+    term, begin = Candidate(kind, "section 2", {"tau": 0.4}).term((1.0, 1.0), core_ranges())
+    plain = plain_model(arm)
+    model = plain.with_effects([term])
+    x = np.concatenate([np.zeros(plain.size), begin])
+    found = lag_of(model, x)
+    assert found is not None
+    assert found.sections == (2,)
+    before = {k: relaxation(model, x, (k,)) for k in (1, 2, 3)}
+    other = divided(model, x, 0.1, 3.0 * before[2])
+    assert other is not None
+    now = lag_of(model, other)
+    assert now is not None
+    assert now.time == pytest.approx(0.1)
+    assert {k: relaxation(model, other, (k,)) / before[k] for k in (1, 2, 3)} == pytest.approx({1: 1, 2: 3, 3: 1})
 
 
 def test_filling_and_venting_told_apart_tell_no_lag_from_damping() -> None:

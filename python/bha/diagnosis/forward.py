@@ -15,6 +15,7 @@ from bha.diagnosis.ranking import by_criterion, in_order
 from bha.diagnosis.refit import Trial, added, refined
 from bha.diagnosis.screen import Scored, score
 from bha.diagnosis.search import Search, by_chance, gain
+from bha.diagnosis.slowness import LAG
 
 
 def forward(given: Given, search: Search) -> None:
@@ -85,9 +86,7 @@ def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]
     )
     trials = by_criterion([trial for trial in refitted if trial is not None], given.problem)
     search.trials += trials
-    # The winner and a near runner-up once more: their step was chosen for the strength that was expected of them.
-    most = max((current.fit.squares - t.fit.squares for t in trials), default=0.0)
-    near = [t for k, t in enumerate(trials[:2]) if k == 0 or current.fit.squares - t.fit.squares > rules.refined * most]
+    near = _worth_refining(trials, current, rules.refined)
     finer = abreast(
         given.problem,
         lambda t: refined(given, t),
@@ -95,5 +94,18 @@ def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]
         lambda k: given.say(f"effect {number}: refining {near[k].label}"),
     )
     search.trials += finer
-    trials[: len(finer)] = finer
-    return in_order(given, current, search.plain.fit.trust, trials)
+    others = [trial for trial in trials if all(trial is not t for t in near)]
+    return in_order(given, current, search.plain.fit.trust, [*finer, *others])
+
+
+def _worth_refining(trials: Sequence[Trial], current: Trial, share: float) -> list[Trial]:
+    """The winner, and of those that bring at least ``share`` of the most the second, and the first lag.
+
+    Their step was chosen for the strength that was expected of them. A lag has another valley, into which only
+    refining looks.
+    """
+    drops = [current.fit.squares - t.fit.squares for t in trials]
+    close = [t for t, drop in zip(trials, drops, strict=True) if drop > share * max(drops)]
+    second = [t for t in trials[1:2] if any(t is c for c in close)]
+    lag = [t for t in close if t.key[-1][0] == LAG][:1]
+    return list({id(t): t for t in (*trials[:1], *second, *lag)}.values())

@@ -11,14 +11,15 @@ back slower than it bends, behind its own measured pressures (docs/decisions/001
 - a lag, a delay or a damping of bending that is named from commands on such an arm is the class "lag of the pressures
   or damping" where that rule does not tell the lag; a damping far above the file's is said to be perhaps a lag.
 
-Validity: arms without swing; a lag that is alike for all inputs.
+Validity: arms without swing; a lag that is alike for all inputs, or for those of one section.
 What splits the class: pressures measured in the chambers, or the arm let go by hand under constant pressures.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve
 from bha.diagnosis.model import is_damping
+from bha.diagnosis.places import place_of
 from bha.diagnosis.result import Alternative, Diagnosis, Effect, Number, SlowSection
 from bha.diagnosis.valves import is_of_valves
 from bha.diagnosis.words import slow_in_words
@@ -56,16 +58,24 @@ EXPERIMENT = (
 )
 
 
-def relaxation(model: Model, x: Array) -> float:
-    """Damping over tangent stiffness, s: geometric mean over the sections' places."""
+def relaxation(model: Model, x: Array, sections: Collection[int]) -> float:
+    """Damping over tangent stiffness of some sections, counted from 1, s: geometric mean over their places."""
     found = []
     for own, value in zip(model.plain, x, strict=False):
+        if _section_of(own.path) not in sections:
+            continue
         key = paths.key_of(own.path)
         if is_damping(own):
             found.append(np.log(own.value(float(value))))
         elif key == "tangent_stiffness":
             found.append(-np.log(own.value(float(value))) / _places(model, own.path))
-    return float(np.exp(np.sum(found) / model.sections))
+    return float(np.exp(np.sum(found) / len(sections)))
+
+
+def _section_of(path: str) -> int | None:
+    """The section of a plain number, from 1; None where it is of none."""
+    steps = path.split(".")
+    return int(steps[1]) if steps[0] == "section" and steps[1].isdigit() else None
 
 
 def _places(model: Model, path: str) -> int:
@@ -74,43 +84,62 @@ def _places(model: Model, path: str) -> int:
     return sum(c.path.rpartition(".")[0] == section for c in model.plain)
 
 
-def lag_of(model: Model, x: Array) -> tuple[slice, float] | None:
-    """Where the lag of all inputs stands among the coordinates, and its time, s; None where there is not one.
+@dataclass(frozen=True)
+class FittedLag:
+    """A lag among the effects of a model.
+
+    Attributes:
+        place: of its numbers among the coordinates.
+        time: geometric mean of filling and venting, s.
+        sections: those whose inputs it slows down, from 1.
+    """
+
+    place: slice
+    time: float
+    sections: tuple[int, ...]
+
+
+def lag_of(model: Model, x: Array) -> FittedLag | None:
+    """The lag of all inputs, or of those of one section; None where there is not one.
 
     Beside that of the plain model another one is a further stage.
     """
     lags = [k for k, effect in enumerate(model.effects) if effect.kind == LAG]
-    if any(is_of_valves(c) for c in model.plain):
+    if any(is_of_valves(c) for c in model.plain) or len(lags) != 1:
         return None
-    if len(lags) != 1 or (model.effects[lags[0]].where != "all" and model.sections > 1):
+    effect, place = model.effects[lags[0]], model.place(lags[0])
+    where = place_of(effect.where)
+    numbers = effect.elements([float(v) for v in x[place]])[0]
+    if where.sort not in ("all", "section") or not numbers:
         return None
-    place = model.place(lags[0])
-    numbers = model.effects[lags[0]].elements([float(v) for v in x[place]])[0]
-    if model.effects[lags[0]].where.startswith("input") or not numbers:
-        return None
-    return place, float(np.sqrt(numbers["fill"] * numbers["vent"]))
+    sections = tuple(range(1, model.sections + 1)) if where.section is None else (where.section,)
+    return FittedLag(place, float(np.sqrt(numbers["fill"] * numbers["vent"])), sections)
 
 
 def divided(model: Model, x: Array, lag: float, relaxed: float) -> Array | None:
-    """Coordinates with another lag of the pressures and another relaxation of the sections, s; None without the two.
+    """Coordinates with another lag of the pressures and another relaxation of its sections, s; None without the two.
 
     Masses, inertias and their centres are the file's: what makes up for a stage that is missing is absurd with it.
     """
-    found, now = lag_of(model, x), relaxation(model, x)
-    if found is None or not any(is_damping(c) for c in model.plain) or not (found[1] > 0.0 and now > 0.0):
+    found = lag_of(model, x)
+    if found is None:
         return None
-    place, before = found
-    other = x.copy()
+    now = relaxation(model, x, found.sections)
+    if not any(is_damping(c) for c in model.plain) or not (found.time > 0.0 and now > 0.0):
+        return None
+    place, other = found.place, x.copy()
     for k, own in enumerate(model.coordinates):
         value = own.value(float(x[k]))
         key = number_of(own)
         if k < len(model.plain):
+            if _section_of(own.path) not in found.sections:
+                continue
             if is_damping(own):
                 other[k] = own.coordinate(value * relaxed / now)
             elif paths.key_of(own.path) in ("mass", "inertia", "center_of_mass"):
                 other[k] = 0.0
         elif place.start <= k < place.stop and key in ("fill", "vent"):
-            other[k] = own.coordinate(value * lag / before)
+            other[k] = own.coordinate(value * lag / found.time)
         elif own.name.startswith("bending_damping") and key == "damping":
             other[k] = own.coordinate(value * relaxed / now)
     return other
@@ -119,9 +148,9 @@ def divided(model: Model, x: Array, lag: float, relaxed: float) -> Array | None:
 def better_way(problem: Problem, fit: Fit) -> Fit:
     """``fit``, or where the two stages are divided otherwise one that ends lower; of arms that do not swing."""
     found = lag_of(fit.model, fit.x)
-    if found is None or not _is_damped(fit):
+    if found is None or not _is_damped(fit, found.sections):
         return fit
-    lag, own = found[1], relaxation(fit.model, fit.x)
+    lag, own = found.time, relaxation(fit.model, fit.x, found.sections)
     best = fit
     for now, relaxed in ((own, lag), *((share * (lag + own), (1.0 - share) * (lag + own)) for share in SHARES)):
         x = divided(fit.model, fit.x, now, relaxed)
@@ -136,10 +165,10 @@ def better_way(problem: Problem, fit: Fit) -> Fit:
     return best
 
 
-def _is_damped(fit: Fit) -> bool:
-    """Whether some section does not swing along its axis: (3 c)^2 > 4 (3 k) m, three bellows abreast."""
+def _is_damped(fit: Fit, sections: Sequence[int]) -> bool:
+    """Whether one of these sections does not swing along its axis: (3 c)^2 > 4 (3 k) m, three bellows abreast."""
     values = {c.path: c.value(float(v)) for c, v in zip(fit.model.plain, fit.x, strict=False)}
-    for section in range(1, fit.model.sections + 1):
+    for section in sections:
         own = {path: v for path, v in values.items() if path.startswith(f"section.{section}.")}
         stiffness = [v for path, v in own.items() if paths.key_of(path) == "tangent_stiffness"]
         damping, mass = own.get(f"section.{section}.damping", 0.0), own.get(f"section.{section}.mass", 0.0)
