@@ -147,6 +147,14 @@ def left_over(**changes: float) -> Unlogged:
     )
 
 
+@pytest.mark.parametrize(("by_chance", "share", "needed"), [(0.5, 0.02, False), (0.02, 0.02, True), (0.5, 0.4, True)])
+def test_a_candidate_that_chance_hardly_brings_is_refitted_before_anything_is_a_disturbance(
+    by_chance: float, share: float, needed: bool
+) -> None:
+    """Its score is linear: a cubic spring that explains a fifteenth of the errors by it may explain all of them."""
+    assert left_over(by_chance=by_chance, share=share).needs_no_search is not needed
+
+
 def judged(decision: Decision, **changes: float) -> Decision:
     """The decision on such errors."""
     return left_over(**changes).judge(decision, 5e-4)

@@ -35,6 +35,9 @@ ALIKE = 6.0
 #: The same is told from it where, were the other one right, the set that was chosen would be so much better by chance
 #: with this probability at most; asked of so many that are nearest.
 TOLD, MOST_RIVALS = 0.05, 5
+#: Nor is it told where what is left follows something that was logged, and the other leaves, beyond the noise, at most
+#: so many times as much: a form that errs by so much itself rules no other out that errs by a little more.
+FORM = 1.5
 
 
 def describe(
@@ -219,7 +222,8 @@ def _effects(
         rivals = _rivals(state, chosen, place, problem, correlation)
         near = [t for t, distance in rivals if distance < ALIKE][:MOST_RIVALS]
         untold = [t for t in near if told(problem, signatures, t, chosen) > TOLD]
-        alike = {t.key[place]: _alternative(t, place) for t in untold}
+        untold += [t for t in of_like_form(state, problem, chosen, [t for t, _ in rivals]) if t not in untold]
+        alike = {t.key[place]: _alternative(t, place) for t in untold[:MOST_RIVALS]}
         refitted = {t.key[place] for t, _ in rivals}
         for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
             promised = best.get((kind, where))
@@ -247,6 +251,14 @@ def _effects(
     # The most important one first, whatever the order in which they were found.
     result.sort(key=lambda e: -e.gap_removed)
     return _gathered(result, final.fit.model.core)
+
+
+def of_like_form(state: Search, problem: Problem, chosen: Trial, rivals: Sequence[Trial]) -> list[Trial]:
+    """Rivals that err hardly more than the chosen set does, where that has not the arm's form (:data:`FORM`)."""
+    own = chosen.fit.squares - problem.rows
+    if not state.inexact or own <= 0.0:
+        return []
+    return [t for t in rivals if t.fit.squares - problem.rows <= FORM * own]
 
 
 def _removed(state: Search, key: tuple[str, str], noise: float) -> float:

@@ -23,7 +23,7 @@ from bha.arm import Arm
 from bha.diagnosis.force import ResidualForce, estimated
 from bha.diagnosis.force_law import Law, follow
 from bha.diagnosis.force_table import VARIABLES, ResidualTable
-from bha.diagnosis.holdout import error_of, predicted, rms_errors, up_to_run_away
+from bha.diagnosis.holdout import error_of, rms_errors, up_to_run_away
 from bha.diagnosis.result import CarriedTable, ForceAlong, ResidualForceFound
 from bha.errors import BhaError
 from bha.estimation.bands import ar1_density
@@ -200,8 +200,7 @@ def _errors(outcome: Investigation, arm: Arm) -> tuple[float, float]:
     runs = [replace(run, arm=arm) for run in model.runs(outcome.x, plain.states)]
     raw = replace(model.integration, finer=1).run(runs)
     outputs, until = up_to_run_away(problem, raw)
-    white, error = problem.residual(outputs), error_of(problem, raw)
-    carried = predicted(problem, holdout.readings, outputs, plain.states, white, until, error)
+    carried = holdout.compared(outputs, plain.states, until, error_of(problem, raw))
     before, after = rms_errors(plain, carried)
     return before, after if np.all(np.isinf(until)) else np.inf
 

@@ -91,10 +91,16 @@ class Readings:
 class Holdout:
     """The held-out logs with their whitening and the sensitivities of their initial states."""
 
-    def __init__(self, problem: Problem, states: Sequence[Array], readings: Readings) -> None:
-        """The logs, first guesses of their initial states, and what errors are counted on."""
+    def __init__(
+        self, problem: Problem, states: Sequence[Array], readings: Readings, *, about_means: bool = False
+    ) -> None:
+        """The logs, first guesses of their initial states, and what errors are counted on.
+
+        With ``about_means`` errors are counted about their mean in each channel of each log: where logs stand apart.
+        """
         self.problem = problem
         self.readings = readings
+        self.about_means = about_means
         self._states = tuple(states)
         self._sensitivities: tuple[Array, ...] | None = None
 
@@ -110,7 +116,23 @@ class Holdout:
             if not trial.cost < fit.cost:
                 break
             fit, until, rms = trial, later, error
-        return predicted(self.problem, self.readings, fit.outputs, fit.states, fit.residual, until, rms)
+        return self.compared(fit.outputs, fit.states, until, rms)
+
+    def about(self) -> Holdout:
+        """The same with errors counted about their means."""
+        return Holdout(self.problem, self._states, self.readings, about_means=True)
+
+    def compared(
+        self, outputs: tuple[Array, ...], states: tuple[Array, ...], until: tuple[float, ...], rms: float
+    ) -> Prediction:
+        """The prediction with these outputs."""
+        counted = self._counted(outputs, until)
+        found = predicted(self.problem, self.readings, counted, states, self.problem.residual(counted), until, rms)
+        return replace(found, outputs=outputs)
+
+    def _counted(self, outputs: tuple[Array, ...], until: Sequence[float]) -> tuple[Array, ...]:
+        """The outputs of which errors count."""
+        return tuple(map(at_the_mean, self.problem.records, outputs, until)) if self.about_means else outputs
 
     def _begin(self, model: Model, x: Array) -> Sequence[Array]:
         """Guesses of the initial states; as the model's camera sees them where that is free: another has another pose.
@@ -129,7 +151,8 @@ class Holdout:
         """The model at ``x`` up to where it runs away, and its error over all rows, m."""
         raw = self.problem.simulate(model, x, states)
         outputs, until = up_to_run_away(self.problem, raw)
-        residual = self.problem.residual(outputs)
+        # A log that stands apart begins as far apart.
+        residual = self.problem.residual(self._counted(outputs, until))
         fit = Fit(model.on(self.problem.records), x, tuple(states), outputs, residual, float(residual @ residual))
         return fit, until, error_of(self.problem, raw)
 
@@ -168,6 +191,13 @@ def error_of(problem: Problem, outputs: Sequence[Array]) -> float:
     errors = [(r.measured - y)[r.usable] for r, y in zip(problem.records, outputs, strict=True)]
     found = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
     return min(found, 1e6) if np.isfinite(found) else 1e6
+
+
+def at_the_mean(record: Record, outputs: Array, until: float) -> Array:
+    """Outputs of a log, (rows, C), moved in each channel so that they err by nothing on average up to a time, s."""
+    counts = record.usable & (record.time < until)[:, None]
+    error = np.where(counts, record.measured - outputs, 0.0)
+    return np.asarray(outputs + error.sum(axis=0) / np.maximum(counts.sum(axis=0), 1))
 
 
 def predicted(

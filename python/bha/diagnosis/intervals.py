@@ -30,7 +30,7 @@ from bha.diagnosis.crossing import FEWEST_BLOCKS, groups, without_groups
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.information import information
 from bha.diagnosis.memory import draws_like
-from bha.diagnosis.refit import Trial, correlation_length
+from bha.diagnosis.refit import Trial, correlation_length, criterion
 from bha.diagnosis.screen import Signatures, score
 from bha.diagnosis.where import BLOCK_TIME, block_edges
 from bha.estimation.terms import number_of
@@ -96,18 +96,26 @@ def is_told(trial: Trial, draws: Array) -> bool:
 def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int) -> Array:
     """How far each coordinate moves with one more candidate in the model, the farthest of those that may be there.
 
-    That is what explains at least ``RIVAL`` of what the best does, unless chance explains that as well.
+    That is what explains at least ``RIVAL`` of what the best does, unless chance explains that as well, by an amount
+    that an arm may have, and lowers the criterion: a hose of six numbers explains a little of anything.
     """
     screening = score(problem, fit, signatures, seed)
     known = information(problem, fit)
     found = np.zeros(fit.model.size)
     if not screening.ranking or screening.chance(screening.ranking[0].score) > CHANCE:
         return found
+    correlation = correlation_length(problem, fit.residual)
     columns = dict(zip((id(c) for c in signatures.candidates), signatures.columns, strict=True))
     for scored in screening.ranking:
         if scored.score < RIVAL * screening.ranking[0].score:
             break
-        own = columns[id(scored.candidate)]
+        larger = criterion(screening.total - scored.score, len(scored.strengths), problem.rows, correlation)
+        if larger >= criterion(screening.total, 0, problem.rows, correlation):
+            continue
+        own = columns.get(id(scored.candidate))
+        # Of a bank each element stands in the ranking itself.
+        if own is None or not scored.candidate.plan.is_plausible(scored.strengths, scored.candidate.shape):
+            continue
         change = sum(
             strength * signatures.table[:, list(parts)].sum(axis=1, dtype=np.float64)
             for strength, parts in zip(scored.strengths, own, strict=True)

@@ -90,7 +90,8 @@ def remembered(
         )
     if other is None:
         return None
-    without = Holdout(held, list(prediction.states), holdout.readings).predict(other.model, other.x)
+    other_logs = Holdout(held, list(prediction.states), holdout.readings, about_means=holdout.about_means)
+    without = other_logs.predict(other.model, other.x)
     before, after = rms_errors(without, prediction)
     removed = share_removed(before, after, noise)
     first = np.array([record.resting.values for record in problem.records if record.resting is not None])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from bha.diagnosis.fit import Problem
 from bha.diagnosis.refit import Trial
@@ -30,6 +30,9 @@ class Search:
         doubtful: effects that stay if the held-out logs confirm them, with how likely they are by chance.
         chosen: the best set before further elements of its effects were sought: what rivals are compared with.
         settled: the best set that was not only collected: the first single effect, later what pruning has left.
+        second: whether what came first was refused, and the best set stands in its place.
+        inexact: whether what the best set leaves is a gap that follows something that was logged: it has not the arm's
+            form.
         unexamined: where the time was over, what the search was about to examine; empty where it was not.
         complete: whether the search came to its end.
     """
@@ -45,12 +48,34 @@ class Search:
     doubtful: dict[tuple[str, str], float] = field(default_factory=dict)
     chosen: Trial | None = None
     settled: Trial | None = None
+    second: bool = False
+    inexact: bool = False
     unexamined: str = ""
     complete: bool = False
 
     def settle(self) -> None:
         """Keep the best set as what is answered if the search comes to no end."""
         self.settled = self.best
+
+    def about_means(self) -> Search:
+        """The same with the errors of all sets on the held-out logs counted about their means."""
+        known: dict[int, Trial] = {}
+
+        def moved(trial: Trial) -> Trial:
+            return known.setdefault(id(trial), replace(trial, holdout=holdout))
+
+        holdout = self.plain.holdout.about()
+        return replace(
+            self,
+            plain=moved(self.plain),
+            best=moved(self.best),
+            trials=[moved(t) for t in self.trials],
+            rivals=[[moved(t) for t in own] for own in self.rivals],
+            whole=self.whole and moved(self.whole),
+            smaller={key: moved(t) for key, t in self.smaller.items()},
+            chosen=self.chosen and moved(self.chosen),
+            settled=self.settled and moved(self.settled),
+        )
 
     def fitted(self, keys: Sequence[tuple[str, str]]) -> Trial | None:
         """The best trial with these effects that has been fitted to its end, in any order; None for none."""

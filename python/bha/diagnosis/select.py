@@ -4,7 +4,7 @@ What: the search over sets of effects, on training logs; held-out logs only refu
 the best of all candidates in all places would hardly bring as much by chance (:mod:`bha.diagnosis.screen`), and it
 matters where it helps to predict training logs from the others (:mod:`bha.diagnosis.crossing`). The steps are those of
 :mod:`bha.diagnosis.forward`, :mod:`bha.diagnosis.prune`, :mod:`bha.diagnosis.lookalikes`,
-:mod:`bha.diagnosis.beyond` and :mod:`bha.diagnosis.elements`.
+:mod:`bha.diagnosis.instead`, :mod:`bha.diagnosis.beyond` and :mod:`bha.diagnosis.elements`.
 Source: family-wise error rates by the distribution of the greatest score, Westfall and Young 1993; Schwarz 1978; rules
 as measured on simulated arms (docs/explanation/diagnosis.md).
 """
@@ -15,6 +15,7 @@ from bha.diagnosis.beyond import refute
 from bha.diagnosis.elements import with_elements
 from bha.diagnosis.forward import forward
 from bha.diagnosis.given import Given
+from bha.diagnosis.instead import instead
 from bha.diagnosis.lookalikes import swap
 from bha.diagnosis.prune import certify, prune
 from bha.diagnosis.refit import Trial, bic, correlation_length
@@ -35,6 +36,7 @@ def search(given: Given, state: Search) -> Search:
             prune(given, state)
         state.settle()
         again(given, state)
+        instead(given, state)
         state.settle()
         certify(given, state)
         refute(given, state)

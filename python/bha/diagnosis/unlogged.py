@@ -41,6 +41,9 @@ CHANCE, SHARE, OPEN = 0.01, 0.05, 0.3
 #: Share of the errors' square that a sine predicts at most where nothing is missing, share of the excess that the best
 #: effects remove, held-out over training RMS error, and the mean error of a log over the rest of its errors.
 MOST_PERIODIC, MOST_REMOVED, MOST_GROWN, MOST_OFFSET = 0.35, 0.1, 1.5, 3.0
+#: Where chance brings as good a candidate as the best with at most this p, refits say whether it is one: scores are
+#: linear, and of a strong effect they see a part.
+HINT = 0.1
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,11 @@ class Unlogged:
         """Whether errors follow nothing that was logged, as far as they can tell, and are the same in all logs."""
         alike = self.grown < MOST_GROWN and self.offset < MOST_OFFSET
         return alike and not self.follows_something and self.logged.share < OPEN
+
+    @property
+    def needs_no_search(self) -> bool:
+        """Whether it is a disturbance, and no candidate comes near to explaining any of it."""
+        return self.is_a_disturbance and self.chance > HINT
 
     def judge(self, decision: Decision, noise: float) -> Decision:
         """The decision; ``equivalent`` where what is unexplained is a disturbance.
@@ -140,10 +148,6 @@ def unlogged(
     if logged is None or before <= 0.0:
         return None
     periodic = periodic_share([(own.errors, own.step) for own in cells])
-    means = [
-        np.mean((r.measured - y)[r.usable[:, c], c]) for r, y in held for c in range(y.shape[1]) if r.usable[:, c].any()
-    ]
-    offset = float(np.sqrt(np.mean(np.square(means)))) / max(after, 1e-12)
     best = screening.ranking[0] if screening.ranking else None
     return Unlogged(
         logged,
@@ -151,9 +155,17 @@ def unlogged(
         1.0 if best is None else screening.chance(best.score),
         periodic,
         after / before,
-        offset,
+        0.0 if holdout.about_means else offset_of(held),
         after,
     )
+
+
+def offset_of(part: Sequence[tuple[Record, Array]]) -> float:
+    """RMS mean error of logs, in each channel, over the rest of their errors; of records and what a model shows."""
+    means = [
+        np.mean((r.measured - y)[r.usable[:, c], c]) for r, y in part for c in range(y.shape[1]) if r.usable[:, c].any()
+    ]
+    return float(np.sqrt(np.mean(np.square(means)))) / max(_scatter(part), 1e-12) if means else 0.0
 
 
 def _scatter(part: Sequence[tuple[Record, Array]]) -> float:

@@ -37,10 +37,11 @@ from bha.diagnosis.refit import Trial
 from bha.diagnosis.remembered import remembered, with_memory
 from bha.diagnosis.repeats import repeats, with_repeat_noise
 from bha.diagnosis.result import Diagnosis
-from bha.diagnosis.rules import Rules
+from bha.diagnosis.rules import NOISE_LEFT, Rules
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.search import OutOfTime, Search
 from bha.diagnosis.select import search
+from bha.diagnosis.sessions import stand_apart
 from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
@@ -91,7 +92,7 @@ class Investigation:
     uncertainty: list[tuple[float, float]]
 
 
-def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one call)
+def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, each one call)
     logs: Sequence[Recording],
     holdout_logs: Sequence[Recording] = (),
     *,
@@ -208,13 +209,19 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
         state.screening = score(problem, plain_fit, signatures)
         wanted = gap.significant and np.isfinite(gap.mean_square) and not hopeless
         beside = unlogged(problem, plain_fit, holdout, prediction, state.screening, seed) if wanted else None
-        if wanted and not (beside is not None and beside.is_a_disturbance):
+        if wanted and not (beside is not None and beside.needs_no_search):
+            rules = _beside(beside, rules)
             search(Given(problem, holdout, signatures, core_ranges(), rules, noise_rms, timely), state)
         else:
             # No gap, or one that follows nothing that was logged: there is nothing to be refitted.
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
+    if gap.significant:
+        state = _between_sessions(state)
+        holdout, prediction = state.plain.holdout, state.plain.prediction
+        before = rms_errors(prediction)[0] if np.isfinite(prediction.mean_square) else prediction.rms
+        gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
     before, after = _compared(state, prediction, before)
     # All over the same blocks: those in which no model has run away.
     until = [min(ends) for ends in zip(prediction.until, state.best.prediction.until, strict=True)]
@@ -277,6 +284,24 @@ def run(  # noqa: PLR0915  (the steps of the diagnosis in their order, each one 
     )
 
 
+def _beside(left: Unlogged | None, rules: Rules) -> Rules:
+    """The rules of a search: beside a disturbance one effect at most shows."""
+    return replace(rules, most=1) if left is not None and left.is_a_disturbance else rules
+
+
+def _between_sessions(state: Search) -> Search:
+    """The search, with errors about their means where what it leaves is mostly that held-out logs stand elsewhere.
+
+    What differs from day to day is no gap of the model, and hides what is one.
+    """
+    apart = stand_apart(state.best)
+    if not apart:
+        return state
+    state = state.about_means()
+    state.notes.append(apart)
+    return state
+
+
 def _compared(state: Search, prediction: Prediction, plain: float) -> tuple[float, float]:
     """Errors of the plain model and of the best set on the held-out logs, m RMS, over the same blocks.
 
@@ -317,12 +342,21 @@ def _completed(
     errors: tuple[float, float],
     seed: int,
 ) -> Decision:
-    """The decision where one effect explains a part of a gap: what it leaves is asked whether it follows something."""
-    best = state.best
-    if decision.verdict != "unexplained" or len(set(best.key)) != 1 or best.fit.jacobian is None:
+    """The decision where one effect explains a part of a gap: what it leaves is asked whether it follows something.
+
+    What does is the effect's form, if it is named, and the search is marked as inexact.
+    """
+    best, named = state.best, decision.verdict == "named"
+    exact = best.fit.squares / problem.rows < NOISE_LEFT
+    if decision.verdict not in ("named", "unexplained") or (named and exact):
+        return decision
+    if len(set(best.key)) != 1 or best.fit.jacobian is None:
         return decision
     left = unlogged(problem, best.fit, holdout, best.prediction, score(problem, best.fit, signatures), seed)
-    return decision if left is None else left.complete(decision, *errors)
+    if left is None:
+        return decision
+    state.inexact = named and left.follows_something
+    return decision if state.second else left.complete(decision, *errors)
 
 
 def _records(

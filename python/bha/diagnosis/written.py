@@ -79,10 +79,10 @@ def write_results(folder: Path, found: Diagnosis, arm: Arm, page: str | None) ->
         with written_whole(folder / "report.html") as temporary:
             temporary.write_text(page, encoding="utf-8", newline="\n")
     found.write(folder / "diagnosis.json")
-    _remove_outdated(folder, found)
+    remove_outdated(folder, found)
 
 
-def _remove_outdated(folder: Path, found: Diagnosis) -> None:
+def remove_outdated(folder: Path, found: Diagnosis) -> None:
     """Remove what an earlier diagnosis left in the folder and this one does not have: a proposal, a residual force."""
     force = found.residual_force
     has = {

@@ -1,0 +1,52 @@
+"""The next of the first round, where what came first is refused: by left-out logs, or as there may be none of it.
+
+What comes first fits the training logs best, with as many numbers as it has. A hose of six numbers stands before a
+sensor's gain of one, of which it has a little; that there may be none of a hose says nothing of the gain.
+"""
+
+from __future__ import annotations
+
+from bha.diagnosis.forward import forward
+from bha.diagnosis.given import Given
+from bha.diagnosis.intervals import coordinate_draws, form_deviation, is_told
+from bha.diagnosis.prune import prune
+from bha.diagnosis.ranking import on_bound
+from bha.diagnosis.refit import Trial
+from bha.diagnosis.search import Search
+
+
+def instead(given: Given, search: Search) -> None:
+    """Put the first of the first round that stands in the place of a best set that does not; else nothing changes.
+
+    Held-out logs have no part in it. They are asked for more then (:func:`bha.diagnosis.decide.decide`), as they are
+    for several effects.
+    """
+    if not search.rivals or stands(given, search.best):
+        return
+    found, first = search.best, search.rivals[0]
+    most = max(search.plain.fit.squares - t.fit.squares for t in first)
+    refused = {first[0].key, *(t.key for t in (found,) if t.candidates)}
+    for trial in first:
+        drop = search.plain.fit.squares - trial.fit.squares
+        if trial.key in refused or trial.fit.jacobian is None or drop < given.rules.like * most:
+            continue
+        refused.add(trial.key)
+        search.best = trial
+        search.notes.append(f"not {first[0].label}: next {trial.label}")
+        prune(given, search)
+        if not stands(given, search.best):
+            continue
+        forward(given, search)
+        prune(given, search)
+        if stands(given, search.best):
+            search.second = True
+            return
+    search.best = found
+
+
+def stands(given: Given, trial: Trial) -> bool:
+    """Whether a set names something that is on no bound, and there is some of it (:func:`is_told`)."""
+    if not trial.candidates or trial.fit.jacobian is None or on_bound(trial):
+        return False
+    form = form_deviation(given.problem, trial.fit, given.signatures, 0)
+    return is_told(trial, coordinate_draws(given.problem, trial.fit, 0, form, between_logs=False))

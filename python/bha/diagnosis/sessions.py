@@ -1,0 +1,32 @@
+"""Logs that stand apart: what differs from day to day is in none of them, and hides what moves.
+
+What: rest lengths, a camera's tripod, the weather set whole logs off. The fit takes up what its own logs have in
+common; held-out logs of another day then err by a constant, which no motion has. Where that is most of what the best
+model leaves it is said, and errors count about the mean of each log and channel, for every model alike.
+Validity: an effect that acts by a constant alone, in held-out logs only, is not seen then.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bha.diagnosis.unlogged import MOST_OFFSET, offset_of
+
+if TYPE_CHECKING:
+    from bha.diagnosis.refit import Trial
+
+
+def stand_apart(best: Trial) -> str:
+    """What is to be said where held-out logs err mostly by a constant under the best model; empty where they do not."""
+    logs = list(zip(best.holdout.problem.records, best.prediction.outputs, strict=True))
+    if not np.isinf(best.prediction.until).all() or offset_of(logs) < MOST_OFFSET:
+        return ""
+    means = [np.mean((r.measured - y)[r.usable.all(axis=1)], axis=0) for r, y in logs if r.usable.all(axis=1).any()]
+    size = float(np.sqrt(np.mean(np.square(means)))) if means else 0.0
+    return (
+        f"held-out logs stand {1e3 * size:.2g} mm (RMS) beside where those of the fit say, most of what is missed: "
+        "what differs between sessions (rest lengths, camera, weather) is in no log; errors count about the mean of "
+        "each log and channel"
+    )
