@@ -8,7 +8,7 @@ from typing import Any
 
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
-from bha.diagnosis.contenders import asks_memory_first, other_kinds, with_what_slips
+from bha.diagnosis.contenders import asks_memory, memories, other_kinds, with_what_slips
 from bha.diagnosis.screen import Scored
 from bha.estimation.preload import with_preloads
 from bha.parameters import ArmParameters
@@ -43,23 +43,26 @@ def test_other_kinds_in_the_place_of_the_best_are_refitted_too() -> None:
     assert other_kinds(ranking, ranking[0].candidate, (), CORE, 2) == [ranking[0], ranking[3]]
 
 
-def test_an_arm_whose_logs_show_that_it_remembers_is_asked_what_slips_before_anything_else() -> None:
+def test_an_arm_whose_logs_show_that_it_remembers_is_asked_the_form_of_its_memory_alone() -> None:
     plain = one_section().parameters
     banks = tuple(Candidate(PLANS["hysteresis"], "all", dict(shape)) for shape in PLANS["hysteresis"].bank)
     ranking = (scored("payload", "section 1", 9.0), *(Scored(own, 1.0, (1.0,), 0.01, 1.0) for own in banks))
 
-    def first(parameters: ArmParameters, ranking: Sequence[Scored], taken: int = 0, rounds: int = 0) -> bool:
+    def asked(parameters: ArmParameters, ranking: Sequence[Scored], taken: int = 0) -> bool:
         given: Any = SimpleNamespace(problem=SimpleNamespace(model=SimpleNamespace(parameters=parameters)))
         current: Any = SimpleNamespace(candidates=(banks[0],) * taken)
         screening: Any = SimpleNamespace(ranking=ranking)
-        return asks_memory_first(given, current, screening, [[]] * rounds)
+        return asks_memory(given, current, screening)
 
     remembers = with_preloads(plain)
-    assert first(remembers, ranking)
-    assert not first(plain, ranking)
-    assert not first(remembers, ranking[:1])
-    assert not first(remembers, ranking, taken=1)
-    assert not first(remembers, ranking, rounds=1)
+    assert asked(remembers, ranking)
+    assert not asked(plain, ranking)
+    assert not asked(remembers, ranking[:1])
+    assert not asked(remembers, ranking, taken=1)
+    creep = scored("creep", "all", 2.0)
+    slips, creeps = memories([*ranking, creep])
+    assert creeps == creep
+    assert slips == with_what_slips([], ranking, ())[0]
     (bank,) = with_what_slips([], ranking, ())
     assert bank.candidate.key == ("hysteresis", "all")
     assert bank.candidate.bank == PLANS["hysteresis"].bank

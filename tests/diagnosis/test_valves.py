@@ -122,6 +122,26 @@ def test_where_commands_act_at_once_nothing_is_said() -> None:
     model = plain_model(arm, more=coordinates_of(arm.parameters))
     x = np.zeros(model.size)
     x[[k for k, c in enumerate(model.plain) if c.path.startswith("effect.1.")]] = -10.0  # at the least lag
-    values = model.values(x)
-    interval = [(0.9 * v, 1.1 * v) for v in values.values()]
-    assert found_valves(model, x, interval) == []
+    draws = 0.1 * np.random.default_rng(0).standard_normal((50, model.size))
+    assert found_valves(model, x, draws) == []
+
+
+def test_a_lag_of_two_stages_is_said_by_the_times_of_both() -> None:
+    arm = with_valves(one_section())
+    model = plain_model(arm, more=coordinates_of(arm.parameters))
+    wanted = {"effect.1.fill": 0.1, "effect.1.vent": 0.4, "effect.3.fill": 0.2}
+    x = np.array([c.coordinate(wanted[c.path]) if c.path in wanted else 0.0 for c in model.plain])
+    draws = np.zeros((50, model.size))
+    # What one stage is longer by the other is shorter by.
+    for path, sign in (("effect.1.fill", 1.0), ("effect.3.fill", -1.0)):
+        k = next(k for k, c in enumerate(model.plain) if c.path == path)
+        changed = wanted[path] + sign * np.linspace(-0.05, 0.05, 50)
+        draws[:, k] = [model.plain[k].coordinate(v) - x[k] for v in changed]
+    (lag,) = found_valves(model, x, draws)
+    assert lag.parameters["fill"].value == pytest.approx(0.3)
+    assert lag.parameters["fill"].ci95 == pytest.approx((0.3, 0.3))
+    assert lag.parameters["vent"].value == pytest.approx(0.6)
+    first, second = lag.elements
+    assert first["fill"].value == pytest.approx(0.1)
+    assert first["fill"].ci95 == pytest.approx((0.0525, 0.1475), abs=1e-3)
+    assert second["vent"].value == pytest.approx(0.2)

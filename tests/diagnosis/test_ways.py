@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,13 +16,17 @@ from .synthetic import one_section
 from .test_valves import commanded_log
 
 
-def test_commands_that_vent_slower_than_they_fill_are_named() -> None:
+def test_commands_that_vent_slower_than_they_fill_are_named(tmp_path: Path) -> None:
     arm, times = one_section(), {"fill": 0.1, "vent": 0.4}
     slow = arm.with_effects([{"kind": "pressure_lag", "where": "all", **times}])
     logs = [commanded_log(slow, seed) for seed in range(3)]
     off = one_section({"stiffness": 0.85, "damping": 1.3, "mass": 1.1})
-    found = bha.diagnose(off, logs[:2], logs[2:], kinds=("creep",), pressures="commanded")
+    found = bha.diagnose(off, logs[:2], logs[2:], kinds=("creep",), pressures="commanded", out=tmp_path, report=False)
     assert found.verdict == "named", found.reason
+    # The file has it once, in its stages.
+    written = bha.Arm.load(tmp_path / "arm_diagnosed.toml").parameters.effects
+    assert [(e.kind, e.where) for e in written] == [("pressure_lag", "all"), ("delay", "all"), ("pressure_lag", "all")]
+    assert written[0].parameters["vent"] == pytest.approx(times["vent"], rel=0.05)
     (lag,) = found.missing
     assert lag.kind == "pressure_lag"
     assert lag.gap_removed > 0.9

@@ -36,8 +36,8 @@ def contenders(
         enough: drop of the sum of squares that a further effect has to bring.
     """
     rules, ranking = given.rules, screening.ranking
-    if asks_memory_first(given, current, screening, rivals):
-        return with_one_element(with_kin(with_what_slips([], ranking, ()), ranking, ()), ranking)
+    if asks_memory(given, current, screening):
+        return memories(ranking)
     count = rules.tried[0] if not current.candidates else rules.tried[1]
     taken = [c.key for c in current.candidates]
     effective = given.problem.rows / correlation_length(given.problem, current.fit.residual)
@@ -52,14 +52,23 @@ def contenders(
     return with_one_element(chosen, ranking)
 
 
-def asks_memory_first(given: Given, current: Trial, screening: Screening, rivals: Sequence[Sequence[Trial]]) -> bool:
-    """Whether a round asks what slips alone: the first one of an arm that stands elsewhere after each use.
+def asks_memory(given: Given, current: Trial, screening: Screening) -> bool:
+    """Whether a round asks the form of the memory alone: of an arm that stands elsewhere after each use.
 
     Its logs show that it remembers. What a model lacks that only begins where the memory left it, others stand in for.
     """
-    if current.candidates or rivals or not preloaded(given.problem.model.parameters):
+    if current.candidates or not preloaded(given.problem.model.parameters):
         return False
     return any(scored.candidate.key == (MEMORY, "all") for scored in screening.ranking)
+
+
+def memories(ranking: Sequence[Scored]) -> list[Scored]:
+    """What an arm may remember by: the bank of what slips everywhere, and what creeps.
+
+    The bank has room for a single yield, and for friction, which is one of nothing.
+    """
+    chosen = with_what_slips([], ranking, ())
+    return chosen + [s for s in ranking if s.candidate.key == ("creep", "all")][:1]
 
 
 def with_what_slips(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:

@@ -108,7 +108,7 @@ def describe(
             "schema": "bha-diagnosis/2",
             "verdict": "one_of" if any(e.one_of for e in effects) else verdict.verdict,
             "reason": verdict.reason,
-            "effects": [*effects, *found_valves(final.fit.model, final.fit.x, uncertainty)],
+            "effects": [*effects, *found_valves(final.fit.model, final.fit.x, draws)],
             "gap": Gap(
                 noise=errors[0],
                 before=errors[1],

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bha.diagnosis.abreast import abreast
-from bha.diagnosis.contenders import asks_memory_first, contenders, other_kinds
+from bha.diagnosis.contenders import asks_memory, contenders, other_kinds
 from bha.diagnosis.given import Given
 from bha.diagnosis.ranking import by_criterion, in_order
 from bha.diagnosis.refit import Trial, added, refined
@@ -30,7 +30,7 @@ def forward(given: Given, search: Search) -> None:
         # A further effect brings as much where it shows beside the others.
         enough = (1.0 - rules.shows**-2) * current.fit.squares if current.candidates else rules.worth * excess
         share = f"{100.0 * enough / max(excess, 1e-9):.2g} % of the excess"
-        memory_alone = asks_memory_first(given, current, screening, search.rivals)
+        memory_alone = asks_memory(given, current, screening)
         chosen = contenders(given, current, screening, search.rivals, enough)
         if not chosen:
             search.notes.append(f"no further candidate promises {share} error")
@@ -48,13 +48,9 @@ def forward(given: Given, search: Search) -> None:
         chance = screening.chance(gain(current, best))
         if chance > rules.enter:
             search.notes.append(f"not taken in: {best.label}, {by_chance(chance)}")
-            if memory_alone:
-                continue
             return
         if current.fit.squares - best.fit.squares < enough:
             search.notes.append(f"not taken in: {best.label}, which removes less than {share}")
-            if memory_alone:
-                continue
             return
         search.best = best
         if search.settled is None:

@@ -51,6 +51,9 @@ Tell = Callable[[str, float | None], None]
 FOUND = 0.2
 #: How rarely a file of which numbers are known as well as a plain model takes them to be is as far off as that.
 IMPLAUSIBLE = 1e-3
+#: The same of an arm that stands elsewhere after each use: what it remembers is missing, too. It is what a fit in the
+#: wrong valley leaves at the least.
+LOST = 0.3
 #: Numbers of a section that have the scale of its forces.
 FORCES = ("mass", "inertia", "stiffness", "damping", "bending_stiffness", "axial_stiffness", "terminal_area")
 
@@ -201,7 +204,7 @@ def fit_plain(
     first: Plain | None = None
     second: Plain | None = None
     why: ConvergenceError | None = None
-    if held_off and (second := begun_anew()) is not None and second.left < FOUND:
+    if held_off and (second := begun_anew()) is not None and second.left < LOST:
         return second
     try:
         first = fitted(arm, "")

@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 #: Most steps of a refit, how often it may renew its sensitivities, and from which gain on it goes on, as a share of the
 #: cost: to its end, since what a refit stopped short of would look for another name.
 ITERATIONS, RENEWALS, TOLERANCE = 40, 12, 2e-3
+#: The same gain where no other name is looked for in what is left, of all but the best of a round.
+COARSE_TOLERANCE = 2e-2
 #: Greatest step of a refit, in plausible distances: of numbers in which the outputs are smooth, and of the shapes of
 #: effects (a wall's place, a yield), where a far step ends in a valley beside.
 GREATEST_STEP, GREATEST_OF_SHAPES = 3.0, 1.0
@@ -155,7 +157,7 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
         fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=begin.state_jacobians))
     if not known:
         try:
-            fit = to_its_end(problem, fit)
+            fit = to_its_end(problem, fit, tolerance=TOLERANCE if given.rules.most > 1 else COARSE_TOLERANCE)
         except ConvergenceError:
             return None
         store(problem, fit, name)

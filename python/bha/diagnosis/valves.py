@@ -180,30 +180,47 @@ def through(parameters: ArmParameters, record: Record) -> Record:
     return record
 
 
-def found_valves(model: Model, x: Array, uncertainty: Sequence[tuple[float, float]]) -> list[Effect]:
+def found_valves(model: Model, x: Array, draws: Array) -> list[Effect]:
     """What lies between command and chamber as effects with their numbers: those that are clearly there.
+
+    A lag of two stages is said by the times of both together, which are what commands tell: one stage may be longer
+    and the other shorter.
 
     Args:
         model: the model.
         x: its coordinates.
-        uncertainty: 95 % interval of each of them.
+        draws: what the logs leave open of them, shape (draws, size).
     """
-    numbers: dict[str, dict[str, Number]] = {LAG: {}, DELAY: {}}
-    # The second stage is an estimate beside the lag, no effect of its own.
-    kinds = {name: key for key, name in NUMBERS.items() if key[0] != STAGE}
-    for k, own in enumerate(model.plain):
-        if own.name in kinds:
-            kind, number = kinds[own.name]
-            value = own.value(float(x[k]))
-            numbers[kind][number] = Number(
-                value=value, unit="s", ci95=uncertainty[k], at_bound=own.at_bound(float(x[k]))
-            )
-    there = {kind: any(_is_there(n) for n in own.values()) for kind, own in numbers.items()}
-    return [
-        Effect(kind=kind, where="all", parameters=own, confidence=1.0, plain=True)
-        for kind, own in numbers.items()
-        if there[kind]
-    ]
+    own = {name: key for key, name in NUMBERS.items()}
+    times: dict[tuple[str, str], tuple[float, Array, bool]] = {}
+    for k, c in enumerate(model.plain):
+        if c.name in own:
+            value = float(x[k])
+            drawn = np.array([c.value(value + float(d)) for d in draws[:, k]])
+            times[own[c.name]] = (c.value(value), drawn, c.at_bound(value))
+    second = times.pop((STAGE, "fill"), None)
+    found = []
+    for kind in (LAG, DELAY):
+        stages = [{name: time for (of, name), time in times.items() if of == kind}]
+        # A short second stage is what is assumed of valves where nothing tells it: no lag of its own.
+        if not any(_is_there(_number(*time)) for time in stages[0].values()):
+            continue
+        if kind == LAG and second is not None and _is_there(_number(*second)):
+            stages.append(dict.fromkeys(stages[0], second))
+        numbers = [{name: _number(*time) for name, time in stage.items()} for stage in stages]
+        whole = numbers[0]
+        if len(stages) > 1:
+            sums = {name: tuple(stage[name] for stage in stages) for name in stages[0]}
+            whole = {name: _number(a[0] + b[0], a[1] + b[1], a[2] and b[2]) for name, (a, b) in sums.items()}
+        elements = numbers if len(stages) > 1 else []
+        found.append(Effect(kind=kind, where="all", parameters=whole, elements=elements, confidence=1.0, plain=True))
+    return found
+
+
+def _number(value: float, drawn: Array, at_bound: bool) -> Number:
+    """A time with the interval that draws of it have, s."""
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return Number(value=value, unit="s", ci95=(float(low), float(high)), at_bound=at_bound)
 
 
 def _is_there(number: Number) -> bool:

@@ -193,10 +193,12 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
     memory = remembered(problem, plain_fit, holdout, prediction, noise_rms, limits)
     # Names of many effects would mend what the file has wrong; one may hint at a fault that is none.
-    rules = replace(rules, most=1) if faults or memory is not None else rules
+    # Of an arm that remembers nothing but the form of that is asked: for the rest of it others would stand in.
+    remembers = bool(preloaded(model.parameters))
+    rules = replace(rules, most=1) if faults or remembers else rules
     # Beside a model that shows no more than a part of the motion nothing tells an effect.
     hopeless = bool(faults) and plain.left >= FOUND
-    if memory is not None:
+    if remembers:
         state.notes.append("the arm remembers: beside the form of its memory no further effect is sought")
     say("locating the error")
     radius = [float(s["bellows_radius"]) for s in model.core["section"]]

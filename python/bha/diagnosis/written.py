@@ -125,10 +125,13 @@ def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
         if log.path is not None and log.sha256 is not None and len(log.sha256) == 64
     ]
     _write_plain(mapping, model, x, outcome, references)
+    # A lag of the plain model that is a finding stands among its own numbers; what was added to them comes first.
+    added = [(term.kind, term.where) for term in model.effects]
+    named = {(effect.kind, effect.where): effect for effect in reversed(outcome.diagnosis.missing)}
     tables = [
         _effect_table(effect.kind, where, parameters, references)
-        for effect in outcome.diagnosis.missing
-        if effect.is_whole
+        for key, effect in reversed(named.items())
+        if effect.is_whole and key in added
         for where, parameters in (
             *((effect.where, e) for e in effect.elements or [effect.parameters]),
             *((c.where, c.parameters) for c in effect.corrections),
