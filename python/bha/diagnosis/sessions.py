@@ -1,9 +1,10 @@
 """Logs that stand apart: what differs from day to day is in none of them, and hides what moves.
 
 What: rest lengths, a camera's tripod, the weather set whole logs off. The fit takes up what its own logs have in
-common; held-out logs of another day then err by a constant, which no motion has. Where that is most of what the best
-model leaves it is said, and errors count about the mean of each log and channel, for every model alike.
-Validity: an effect that acts by a constant alone, in held-out logs only, is not seen then.
+common; held-out logs of another day then err by a constant. Where that is most of what the best model leaves it is
+said, and what is named may be so by errors about the mean of each log and channel, for every model alike.
+Limits: a plain model that fits its own logs and fails elsewhere errs by a constant, too. So nothing is called
+equivalent by errors about means.
 """
 
 from __future__ import annotations
@@ -27,6 +28,5 @@ def stand_apart(best: Trial) -> str:
     size = float(np.sqrt(np.mean(np.square(means)))) if means else 0.0
     return (
         f"held-out logs stand {1e3 * size:.2g} mm (RMS) beside where those of the fit say, most of what is missed: "
-        "what differs between sessions (rest lengths, camera, weather) is in no log; errors count about the mean of "
-        "each log and channel"
+        "sessions that differ (rest lengths, camera, weather), or a law that does not hold where those logs are"
     )

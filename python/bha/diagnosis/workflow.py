@@ -219,11 +219,18 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    if gap.significant:
-        state = _between_sessions(state)
+    apart = stand_apart(state.best) if gap.significant else ""
+    if apart and state.best.candidates:
+        # What differs from day to day may hide an effect; where nothing is named, it may as well be one.
+        moved = state.about_means()
+        holdout, prediction = moved.plain.holdout, moved.plain.prediction
+        own = rms_errors(prediction)[0]
+        tested = gap_test(problem, holdout, plain_fit, prediction, own / noise_rms, limits, more)
+        if decide(moved, tested, noise_rms, limits, tolerance).verdict == "named":
+            state, gap, before = moved, tested, own
+            apart += "; errors count about the mean of each log and channel"
         holdout, prediction = state.plain.holdout, state.plain.prediction
-        before = rms_errors(prediction)[0] if np.isfinite(prediction.mean_square) else prediction.rms
-        gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
+    state.notes += [apart] if apart else []
     before, after = _compared(state, prediction, before)
     # All over the same blocks: those in which no model has run away.
     until = [min(ends) for ends in zip(prediction.until, state.best.prediction.until, strict=True)]
@@ -235,6 +242,8 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
     decision = decide(state, gap, noise_rms, limits, tolerance)
     if hopeless and decision.verdict == "unexplained":
         decision = replace(decision, reason="no effect is sought before")
+    if apart and decision.verdict == "unexplained":
+        decision = replace(decision, reason=f"{decision.reason}; {apart}")
     if beside is not None and state.complete:
         decision = beside.judge(decision, noise_rms)
         decision = _completed(decision, state, problem, holdout, signatures, (before, after), seed)
@@ -289,19 +298,6 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
 def _beside(left: Unlogged | None, rules: Rules) -> Rules:
     """The rules of a search: beside a disturbance one effect at most shows."""
     return replace(rules, most=1) if left is not None and left.is_a_disturbance else rules
-
-
-def _between_sessions(state: Search) -> Search:
-    """The search, with errors about their means where what it leaves is mostly that held-out logs stand elsewhere.
-
-    What differs from day to day is no gap of the model, and hides what is one.
-    """
-    apart = stand_apart(state.best)
-    if not apart:
-        return state
-    state = state.about_means()
-    state.notes.append(apart)
-    return state
 
 
 def _compared(state: Search, prediction: Prediction, plain: float) -> tuple[float, float]:
