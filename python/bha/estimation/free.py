@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bha.errors import InputError, ParameterWarning
 from bha.parameters import ArmParameters, SensorsParameters, paths
+from bha.parameters.tables import AXES
 
 # Keys whose numbers are positive and are estimated on a logarithmic scale.
 _POSITIVE = frozenset(
@@ -318,7 +319,7 @@ def camera_free(parameters: ArmParameters) -> tuple[FreeParameter, ...]:
     sensors = parameters.sensors or SensorsParameters()
     found = []
     for name, spread in sensors.uncertain.items():
-        for axis in paths.AXES:
+        for axis in AXES:
             path = f"sensors.{name}.{axis}"
             found.append(FreeParameter(path, prior=(paths.get_value(parameters, path), spread)))
     return tuple(found)

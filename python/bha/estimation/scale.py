@@ -26,6 +26,7 @@ from bha.estimation.free import FreeParameter, camera_free, typical_scale
 from bha.estimation.records import Record
 from bha.parameters import ArmParameters, SectionParameters, paths
 from bha.parameters.provenance import published
+from bha.parameters.tables import AXES
 
 #: Standard deviation of ln(mass) of an arm that was weighed and of one of which the file does not say so, and of
 #: ln(area) of one that comes with its drawings and of one that does not.
@@ -62,7 +63,7 @@ def default_free_of(parameters: ArmParameters, records: Sequence[Record]) -> tup
 def sees_a_head(rec: Record) -> bool:
     """Whether all three coordinates of some head are measured."""
     sections = [output.section for output in rec.observation.outputs if output.kind == "position"]
-    return any(sections.count(section) == len(paths.AXES) for section in sections)
+    return any(sections.count(section) == len(AXES) for section in sections)
 
 
 def scale_of(parameters: ArmParameters, free: Sequence[FreeParameter]) -> str:

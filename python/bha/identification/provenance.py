@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from bha.estimation.records import Record
-from bha.parameters import ArmParameters, paths
+from bha.parameters import ArmParameters
+from bha.parameters.tables import table_of
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ def marked(parameters: ArmParameters, marks: Iterable[Mark]) -> ArmParameters:
     mapping = parameters.to_mapping()
     done: dict[int, set[str]] = {}
     for mark in marks:
-        table, key, place = paths.table_of(mapping, mark.path)
+        table, key, place = table_of(mapping, mark.path)
         interval, error = None if mark.interval is None else list(mark.interval), mark.standard_error
         references = [{"name": Path(r.name).name, "sha256": r.sha256} for r in mark.logs if r.sha256 is not None]
         entry = table.setdefault("provenance", {})

@@ -24,7 +24,8 @@ from bha.estimation.initial import guess_of, pose_of
 from bha.estimation.long_run import correlation_length
 from bha.estimation.records import Record
 from bha.estimation.stretches import Stretch, steady_state, stretch_between, swings
-from bha.parameters import ArmParameters, paths
+from bha.parameters import ArmParameters
+from bha.parameters.tables import AXES
 from bha.runs.input import Input
 from bha.simulation.single import simulate
 from bha.support.extras import import_extra
@@ -224,7 +225,7 @@ def head_paths(arm: Arm, rec: Record, stretch: Stretch) -> Array:
         heads[known] = arm.forward_kinematics(lengths[known] @ np.linalg.pinv(table).T)[0]
     for section in range(1, arm.section_count + 1):
         own = [k for k, o in enumerate(seen.outputs) if o.kind == "position" and o.section == section]
-        if len(own) == len(paths.AXES):
+        if len(own) == len(AXES):
             heads[:, section - 1] = values[:, own]
     return heads
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bha.parameters import paths
+from bha.parameters.tables import AXES
 
 _POWERS = {"1": "linear", "2": "quadratic", "3": "cubic"}
 
@@ -17,7 +18,7 @@ def spoken(path: str) -> str:
         words = f"{_POWERS.get(last, f'power {last}')} {words}"
     elif key in ("bending_stiffness", "cross_bending_stiffness") and last.isdigit():
         words = words if last == "1" else f"cubic {words}"
-    elif last in paths.AXES:
+    elif last in AXES:
         words += f" along {last}"
     if steps[0] == "section":
         place = "all sections" if steps[1] == "*" else f"section {steps[1]}"

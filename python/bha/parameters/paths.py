@@ -33,7 +33,6 @@ where the file leaves them to (56).
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -45,16 +44,23 @@ from bha.errors import InputError, ParameterError
 from bha.parameters.arm import ArmParameters, section_mapping
 from bha.parameters.base import nearest
 from bha.parameters.base_pose import BaseParameters
-from bha.parameters.section import STANDARD_ANGLES_DEG, SectionParameters
+from bha.parameters.section import SectionParameters
 from bha.parameters.sensors import SensorsParameters
+from bha.parameters.tables import (
+    ARM_VECTORS,
+    AXES,
+    BASE_VECTORS,
+    SECTION_LISTS,
+    SENSORS_VECTORS,
+    resolved,
+    table_of,
+    write_number,
+)
 
-AXES = ("x", "y", "z")
 #: Most coefficients of a stiffness polynomial, and of the bending moment.
 _TERMS = {"stiffness": 8, "bending_stiffness": 2, "cross_bending_stiffness": 2, "axial_stiffness": 8}
-_ARM_VECTORS = ("gravity",)
 _ARM_NUMBERS = ("ambient_pressure",)
 _SECTION_VECTORS = ("center_of_mass", "inertia")
-_SECTION_LISTS = ("stiffness", "bending_stiffness", "cross_bending_stiffness", "axial_stiffness")
 _SECTION_NUMBERS = (
     "mass",
     "bellows_radius",
@@ -77,9 +83,7 @@ _FOLLOWING = {
     "axial_damping": "axial_stiffness",
 }
 _BELLOWS_NUMBERS = ("angle", "radius", "terminal_area", "rest_length", "damping")
-_BASE_VECTORS = ("position", "rotation")
 _MASS_NUMBERS = ("mass", "share")
-_SENSORS_VECTORS = ("camera_position", "camera_rotation")
 _PNEUMATICS_NUMBERS = ("fill_time", "vent_time")
 _LENGTH_SENSOR_NUMBERS = ("angle", "radius", "offset")
 _UNITS = {
@@ -167,22 +171,22 @@ def is_group(path: str) -> bool:
 
 def available(parameters: ArmParameters) -> tuple[str, ...]:
     """The paths of all numbers the arm's model has, in the order of the file; of polynomials the terms it has."""
-    paths = [f"{name}.{axis}" for name in _ARM_VECTORS for axis in AXES]
+    paths = [f"{name}.{axis}" for name in ARM_VECTORS for axis in AXES]
     paths += _ARM_NUMBERS
     for number, section in enumerate(parameters.sections, start=1):
         place = f"section.{number}"
         paths += [f"{place}.{name}" for name in _SECTION_NUMBERS if _stated(section, name)]
         paths += [f"{place}.{name}.{axis}" for name in _SECTION_VECTORS for axis in AXES]
-        lists = [name for name in _SECTION_LISTS if _stated(section, name)]
+        lists = [name for name in SECTION_LISTS if _stated(section, name)]
         paths += [f"{place}.{name}.{k + 1}" for name in lists for k in range(len(getattr(section, name)))]
         for count, bellows in enumerate(section.resolved_bellows(number), start=1):
             paths += [f"{place}.bellows.{count}.{name}" for name in _BELLOWS_NUMBERS]
             paths += [f"{place}.bellows.{count}.stiffness.{k + 1}" for k in range(len(bellows.stiffness))]
         paths += [f"{place}.masses.{k + 1}.{name}" for k in range(len(section.masses)) for name in _MASS_NUMBERS]
     if parameters.base is not None:
-        paths += [f"base.{name}.{axis}" for name in _BASE_VECTORS for axis in AXES]
+        paths += [f"base.{name}.{axis}" for name in BASE_VECTORS for axis in AXES]
     if parameters.sensors is not None:
-        paths += [f"sensors.{name}.{axis}" for name in _SENSORS_VECTORS for axis in AXES]
+        paths += [f"sensors.{name}.{axis}" for name in SENSORS_VECTORS for axis in AXES]
     for count in range(1, len(parameters.length_sensors) + 1):
         paths += [f"length_sensor.{count}.{name}" for name in _LENGTH_SENSOR_NUMBERS]
     if parameters.pneumatics is not None:
@@ -221,7 +225,7 @@ def get_value(  # noqa: PLR0911, PLR0912  (a table of cases)
     match path.split("."):
         case [name] if name in _ARM_NUMBERS:
             return float(getattr(parameters, name))
-        case [name, axis] if name in _ARM_VECTORS and axis in AXES:
+        case [name, axis] if name in ARM_VECTORS and axis in AXES:
             return float(getattr(parameters, name)[AXES.index(axis)])
         case ["effect", number, name]:
             place = _index(number, len(parameters.effects))
@@ -234,7 +238,7 @@ def get_value(  # noqa: PLR0911, PLR0912  (a table of cases)
                     raise ParameterError(
                         f"{parameters.name}: {path}: {default}; state {name} in effect {number} of the file first"
                     )
-        case ["base", name, axis] if name in _BASE_VECTORS and axis in AXES:
+        case ["base", name, axis] if name in BASE_VECTORS and axis in AXES:
             base = parameters.base or BaseParameters()
             vector = base.position if name == "position" else base.rotation_rad
             return float(vector[AXES.index(axis)])
@@ -243,7 +247,7 @@ def get_value(  # noqa: PLR0911, PLR0912  (a table of cases)
             index = _index(place, len(section.masses))
             if index is not None:
                 return float(getattr(section.masses[index], name))
-        case ["sensors", name, axis] if name in _SENSORS_VECTORS and axis in AXES:
+        case ["sensors", name, axis] if name in SENSORS_VECTORS and axis in AXES:
             sensors = parameters.sensors or SensorsParameters()
             vector = sensors.camera_position if name == "camera_position" else sensors.camera_rotation_rad
             return float(vector[AXES.index(axis)])
@@ -260,9 +264,9 @@ def get_value(  # noqa: PLR0911, PLR0912  (a table of cases)
             index = _index(place, len(bellows))
             if index is not None:
                 return _entry(parameters, path, name, getattr(bellows[index], name), rest)
-        case ["section", number, name, *rest] if name in (*_SECTION_NUMBERS, *_SECTION_VECTORS, *_SECTION_LISTS):
+        case ["section", number, name, *rest] if name in (*_SECTION_NUMBERS, *_SECTION_VECTORS, *SECTION_LISTS):
             section, _ = _section(parameters, number, path)
-            return _entry(parameters, path, name, _resolved(section, name), rest)
+            return _entry(parameters, path, name, resolved(section, name), rest)
     raise _unknown(parameters, path)
 
 
@@ -282,7 +286,7 @@ def with_values(parameters: ArmParameters, values: Mapping[str, float]) -> ArmPa
     mapping = parameters.to_mapping()
     for path, value in values.items():
         get_value(parameters, path)
-        _set(parameters, mapping, path.split("."), float(value))
+        write_number(parameters, mapping, path, float(value))
     return parameters.updated(mapping)
 
 
@@ -345,79 +349,11 @@ def _with_section_values(parameters: ArmParameters, values: Mapping[str, float])
     touched = {int(path.split(".")[1]) - 1 for path in values}
     tables = [section_mapping(section) if k in touched else None for k, section in enumerate(parameters.sections)]
     for path, value in values.items():
-        _set(parameters, {"section": tables}, path.split("."), float(value))
+        write_number(parameters, {"section": tables}, path, float(value))
     try:
         return parameters.with_sections({k: SectionParameters.model_validate(tables[k]) for k in touched})
     except ValidationError:
         return None
-
-
-def table_of(mapping: Mapping[str, Any], path: str) -> tuple[Any, str, int | None]:
-    """The table of a file's mapping that holds the number at a path, its key there, and its place in a list or None.
-
-    Used to state a provenance beside a value; the number must be stated in the mapping.
-    """
-    steps = path.split(".")
-    table: Any = mapping
-    if steps[0] in ("base", "pneumatics", "sensors"):
-        table, steps = mapping[steps[0]], steps[1:]
-    elif steps[0] in ("section", "effect", "length_sensor"):
-        table, steps = mapping[steps[0]][int(steps[1]) - 1], steps[2:]
-    if steps[0] in ("bellows", "masses"):
-        table, steps = table[steps[0]][int(steps[1]) - 1], steps[2:]
-    place = None if len(steps) == 1 else AXES.index(steps[1]) if steps[1] in AXES else int(steps[1]) - 1
-    return table, steps[0], place
-
-
-def _set(parameters: ArmParameters, mapping: dict[str, Any], steps: list[str], value: float) -> None:
-    if steps[:1] == ["section"]:
-        index = int(steps[1])
-        section = parameters.sections[index - 1]
-        table = mapping["section"][index - 1]
-        if steps[2] == "bellows":
-            table.setdefault("bellows", [{"angle_deg": angle} for angle in STANDARD_ANGLES_DEG])
-            inherited = vars(section.resolved_bellows(index)[int(steps[3]) - 1])
-            if steps[4] == "angle":
-                _state_in_radians(table["bellows"][int(steps[3]) - 1], "angle")
-        else:
-            inherited = {name: _resolved(section, name) for name in (*_SECTION_LISTS, "center_of_mass", "inertia")}
-            if steps[2] == "bending_plane":
-                _state_in_radians(table, "bending_plane")
-    elif steps[0] == "base":
-        _state_in_radians(mapping.setdefault("base", {}), "rotation")
-        inherited = dict.fromkeys(_BASE_VECTORS, (0.0, 0.0, 0.0))
-    elif steps[0] == "sensors":
-        _state_in_radians(mapping.setdefault("sensors", {}), "camera_rotation")
-        inherited = dict.fromkeys(_SENSORS_VECTORS, (0.0, 0.0, 0.0))
-    else:
-        if steps[0] == "length_sensor":
-            _state_in_radians(mapping["length_sensor"][int(steps[1]) - 1], "angle")
-        inherited = {name: getattr(parameters, name) for name in _ARM_VECTORS}
-    holder, name, place = table_of(mapping, ".".join(steps))
-    if place is None:
-        holder[name] = value
-        return
-    entries = list(holder.get(name, inherited[name]))
-    entries += [0.0] * (place + 1 - len(entries))
-    entries[place] = value
-    holder[name] = entries
-
-
-def _state_in_radians(table: dict[str, Any], name: str) -> None:
-    """State an angle (or vector of angles) that a table has in degrees in rad, with its provenance."""
-    degrees = f"{name}_deg"
-    if degrees not in table:
-        return
-    table[name] = _radians(table.pop(degrees))
-    entry = table.get("provenance", {}).pop(degrees, None)
-    if entry is not None:
-        if isinstance(entry, dict):
-            entry = {k: _radians(v) if k in ("ci95", "standard_error") else v for k, v in entry.items()}
-        table["provenance"][name] = entry
-
-
-def _radians(value: Any) -> Any:
-    return [_radians(entry) for entry in value] if isinstance(value, list | tuple) else math.radians(value)
 
 
 def _stated(section: SectionParameters, name: str) -> bool:
@@ -425,23 +361,6 @@ def _stated(section: SectionParameters, name: str) -> bool:
     if name in _FOLLOWING:
         return getattr(section, _FOLLOWING[name]) is not None or bool(name == "axial_damping" and section.axial_damping)
     return getattr(section, name) is not None
-
-
-def _resolved(section: SectionParameters, name: str) -> Any:
-    """A section's value, that which it follows from where it is not stated."""
-    match name:
-        case "inertia":
-            return section.resolved_inertia()
-        case "cross_bending_stiffness":
-            return section.resolved_cross_bending_stiffness
-        case "bending_plane":
-            return section.bending_plane_rad
-        case "axial_stiffness":
-            return section.axial_stiffness or ()
-        case "axial_rest_length":
-            return section.resolved_axial_rest_length
-        case _:
-            return getattr(section, name)
 
 
 def _section(parameters: ArmParameters, number: str, path: str) -> tuple[Any, int]:
