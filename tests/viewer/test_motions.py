@@ -10,7 +10,7 @@ import pytest
 import bha
 from bha.errors import InputError, LogError
 from bha.viewer.colors import UNKNOWN, PressureScale, linear_light
-from bha.viewer.motions import MAGNIFICATIONS, Measured, Motion, magnification, motions_of, part
+from bha.viewer.motions import MAGNIFICATIONS, Measured, Motion, drawn_gap, magnification, motions_of, part
 from bha.viewer.pages import picture_times
 from bha.viewer.show import Show
 
@@ -134,6 +134,8 @@ def test_small_gaps_are_drawn_longer() -> None:
 
     assert [of(gap) for gap in (1e-9, 1e-3, 6e-3, 0.2)] == [100, 50, 5, 1]
     assert magnification([], 1.0) == 1
+    assert drawn_gap(1.0) == "gap to scale"
+    assert drawn_gap(5.0) == "gap drawn 5 times"
     assert MAGNIFICATIONS[0] == 1
 
 

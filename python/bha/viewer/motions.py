@@ -117,6 +117,11 @@ MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100)
 _SEEN = 0.05
 
 
+def drawn_gap(times: float) -> str:
+    """How the gap is drawn, in words."""
+    return "gap to scale" if times == 1.0 else f"gap drawn {times:g} times"
+
+
 def magnification(motions: Sequence[Motion], reach: float) -> int:
     """How many times as long as it is the gap of the first motion is best drawn on an arm of this length, m."""
     gaps = motions[0].gaps() if motions else None

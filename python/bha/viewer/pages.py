@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bha.errors import InputError
 from bha.support.files import check_target, written_whole
 from bha.viewer.app import serve, stop_serving
-from bha.viewer.motions import magnification
+from bha.viewer.motions import drawn_gap, magnification
 from bha.viewer.scene import Scene
 from bha.viewer.show import Show
 
@@ -126,7 +126,7 @@ def page(
         compared = bool(motions) and motions[0].measured is not None
         scene = Scene(server, arm, max(1, len(motions)), compared=compared)
         drawn = float(magnification(motions, scene.layout.reach)) if magnify is None else magnify
-        scene.caption(f"{arm.name}; gap drawn {drawn:g} times" if compared else arm.name)
+        scene.caption(f"{arm.name}; {drawn_gap(drawn)}" if compared else arm.name)
         scene.draw(show.moments(), drawn)
         recorder = server.get_scene_serializer()
         for k, time in enumerate(times[1:], start=1):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bha.errors import InputError
 from bha.support.extras import import_extra
 from bha.support.files import check_target, written_whole
-from bha.viewer.motions import magnification
+from bha.viewer.motions import drawn_gap, magnification
 from bha.viewer.pages import RATE, picture_times
 from bha.viewer.show import Show
 from bha.viewer.still import Still
@@ -74,7 +74,7 @@ def write_video(
     times = picture_times(show.start, show.end, rate=rate, speed=speed)
     still = Still(arm, compared=compared)
     drawn = float(magnification(motions, still.reach)) if magnify is None else magnify
-    gap = f", gap drawn {drawn:g} times" if compared else ""
+    gap = f", {drawn_gap(drawn)}" if compared else ""
     kind = target.suffix.lower()
     with (
         written_whole(target) as temporary,
