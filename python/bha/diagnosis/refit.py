@@ -157,7 +157,7 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
         fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=begin.state_jacobians))
     if not known:
         try:
-            fit = to_its_end(problem, fit, tolerance=TOLERANCE if given.rules.most > 1 else COARSE_TOLERANCE)
+            fit = to_its_end(problem, fit, tolerance=TOLERANCE if given.rules.thorough else COARSE_TOLERANCE)
         except ConvergenceError:
             return None
         store(problem, fit, name)

@@ -38,6 +38,8 @@ class Rules:
             left out, that a further branch or stage has to remove.
         refined: a runner-up is refined too if it brings at least this share of what the first one brings.
         narrow: share of its gain by which a narrower place has to be better, where the cost has several valleys.
+        thorough: whether every refit goes to its end, and the form of what was found is asked further: not of an arm
+            that remembers, of which no second name is asked.
         open: share of the plain model's excess on the training logs above which the effects found leave so much that
             the search begins again from a runner-up of the first round.
     """
@@ -60,4 +62,5 @@ class Rules:
     element: float = 0.1
     refined: float = 0.7
     narrow: float = 0.2
+    thorough: bool = True
     open: float = 0.1

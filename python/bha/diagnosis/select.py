@@ -41,8 +41,7 @@ def search(given: Given, state: Search) -> Search:
         certify(given, state)
         refute(given, state)
         state.chosen = state.best
-        # Where one effect is sought at the most, its form is not asked further.
-        if given.rules.most > 1 and with_elements(given, state):
+        if given.rules.thorough and with_elements(given, state):
             # What stood in for the form of another is needed no more.
             prune(given, state)
         state.complete = True

@@ -193,9 +193,10 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
     gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
     memory = remembered(problem, plain_fit, holdout, prediction, noise_rms, limits)
     # Names of many effects would mend what the file has wrong; one may hint at a fault that is none.
+    rules = replace(rules, most=1) if faults else rules
     # Of an arm that remembers nothing but the form of that is asked: for the rest of it others would stand in.
-    remembers = bool(preloaded(model.parameters))
-    rules = replace(rules, most=1) if faults or remembers else rules
+    if remembers := bool(preloaded(model.parameters)):
+        rules = replace(rules, most=1, thorough=False)
     # Beside a model that shows no more than a part of the motion nothing tells an effect.
     hopeless = bool(faults) and plain.left >= FOUND
     if remembers:
