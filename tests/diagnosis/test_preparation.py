@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bha
-from bha.diagnosis import model, preparation, smoothing
+from bha.diagnosis import describe, model, preparation, smoothing
 from bha.estimation import derived
 from bha.estimation.records import Record
 
@@ -85,5 +85,8 @@ def test_the_last_third_of_an_only_log_knows_the_commands_before_it() -> None:
         run = bha.simulate_batch(arm, record.drive, [state], times=record.time, start=record.time[0], **options)
         return float(np.max(np.abs(run.lengths[0] - whole.lengths[0, row:])))
 
+    said = describe.log_facts(last, "held out")
+    assert said["rows"] == len(last)
+    assert said["duration"] == pytest.approx(last.time[-1] - last.time[0])
     assert missed(last) < 1e-5
     assert missed(last.between(last.time[0], last.time[-1])) > 2e-3

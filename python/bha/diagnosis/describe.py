@@ -140,11 +140,13 @@ def describe(
 
 def log_facts(record: Record, part: str) -> dict[str, Any]:
     """What the report says of a log that took part."""
+    # What drove the arm before a part of a log belongs to it, and is none of its rows.
+    first, time = record.time[0], record.drive.time
     return {
         "name": record.name,
         "part": part,
-        "rows": len(record.drive.time),
-        "duration": float(record.drive.time[-1] - record.drive.time[0]),
+        "rows": int(np.count_nonzero(time >= first)),
+        "duration": float(time[-1] - first),
         "channels": [asdict(f) for f in (*record.facts, *record.pressure_facts)],
     }
 
