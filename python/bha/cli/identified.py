@@ -51,12 +51,13 @@ def show(result: Identification) -> None:
 
 
 def _held_out_table(held_out: tuple[HeldOut, ...]) -> Table:
-    errors = table("held-out log", "channel", "before [mm]", "after [mm]", "noise [mm]")
+    errors = table("held-out log", "channel", "before [mm]", "after [mm]", "left open [mm]", "noise [mm]")
     for held in held_out:
         rec = held.after.record
         for place, channel in enumerate(rec.channels):
             before, after = 1e3 * held.before.rms[place], 1e3 * held.after.rms[place]
-            errors.add_row(rec.name, channel, f"{before:.3g}", f"{after:.3g}", f"{1e3 * rec.noise[place]:.2g}")
+            unsure = f"{1e3 * held.open[place]:.2g}"
+            errors.add_row(rec.name, channel, f"{before:.3g}", f"{after:.3g}", unsure, f"{1e3 * rec.noise[place]:.2g}")
     return errors
 
 

@@ -1,4 +1,8 @@
-"""The test of a fit: whole logs that took no part in it, predicted from their first moments."""
+"""The test of a fit: whole logs that took no part in it, predicted from their first moments.
+
+Beside what a prediction misses stands what it has to be expected to miss, for the logs of the fit do not tell all
+numbers, and an error that they leave open is no sign of physics that the model lacks.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,10 @@ from bha.estimation.runs import Integration
 from bha.support.shown import short_repr
 
 Array = NDArray[np.float64]
+
+#: An error counts as more than the noise beyond this many times it, and is what the logs of a fit leave open where the
+#: rest of it is at most this many of the standard deviations that they do.
+NOISES, DEVIATIONS = 1.5, 3.0
 
 
 @short_repr
@@ -58,6 +66,27 @@ class Prediction:
             if quantity is not None and quantity.kind == "position":
                 squares[quantity.section] = squares.get(quantity.section, 0.0) + float(rms) ** 2
         return {section: float(np.sqrt(square)) for section, square in squares.items()}
+
+
+def left_open(model: Model, z: Array, covariance: Array) -> Array:
+    """What the first record of a model may show besides what it does at ``z``: standard deviations, m, shape (C,).
+
+    RMS over the record, to first order; NaN where the simulation fails.
+
+    Args:
+        model: the model.
+        z: coordinates, shape (p,).
+        covariance: theirs, shape (p, p).
+    """
+    whole = [Window(0, 0, len(model.records[0]))]
+    try:
+        begun = model.guesses(z, whole)
+        model = choose_integration(model, z, whole, begun)
+        told, state = first_second(model, z, 0, begun[0])
+        _, by_z, _ = next(model.on((told,)).linearize(z, whole, state[None], by_states=False))
+    except ConvergenceError:
+        return np.full(len(model.records[0].channels), np.nan)
+    return np.asarray(np.sqrt(np.mean(np.einsum("mcp,pq,mcq->mc", by_z, covariance, by_z, optimize=True), axis=0)))
 
 
 def predict(

@@ -19,11 +19,11 @@ from bha.estimation.preload import typical
 from bha.estimation.records import Record
 from bha.estimation.refinement import Refinement
 from bha.estimation.strays import without_strays
-from bha.identification.holdout import Prediction, predict
+from bha.identification.holdout import DEVIATIONS, NOISES, Prediction, left_open, predict
 from bha.identification.identifiability import Combination, unknown_combinations
 from bha.identification.provenance import Mark, marked
 from bha.identification.residuals import ChannelResidual, channel_residuals
-from bha.identification.words import spoken
+from bha.identification.words import joined, spoken
 from bha.parameters import ArmParameters, paths
 from bha.support.shown import frame, html_table, span
 
@@ -73,10 +73,21 @@ class HeldOut:
     Attributes:
         before: prediction of the arm the fit started from.
         after: prediction of the identified arm.
+        open: what the logs of the fit leave open of that, m, standard deviation RMS over the log, shape (C,); NaN where
+            it is not known.
     """
 
     before: Prediction
     after: Prediction
+    open: Array
+
+    @property
+    def asks_for_more(self) -> list[str]:
+        """Channels that are missed by more than noise, and by no more than the logs of the fit leave open."""
+        rec, rms = self.after.record, self.after.rms
+        rest = np.sqrt(np.maximum(rms**2 - rec.noise**2, 0.0))
+        asked = (rms > NOISES * rec.noise) & (self.open > rec.noise) & (rest < DEVIATIONS * self.open)
+        return [channel for channel, more in zip(rec.channels, asked, strict=True) if more]
 
 
 @dataclass(frozen=True)
@@ -254,7 +265,7 @@ def identification(start: Arm, refinement: Refinement, held_out: Sequence[Record
     residuals = tuple(_left(refinement, start))
     # Who interrupts waits for no prediction.
     held = () if refinement.outcome.interrupted else tuple(_held_out(start, refinement, held_out))
-    warnings = tuple(_warnings(refinement, estimates, unknown, residuals))
+    warnings = (*_warnings(refinement, estimates, unknown, residuals), *_asking(held))
     return Identification(start, refinement, estimates, correlation, unknown, residuals, held, warnings)
 
 
@@ -286,7 +297,11 @@ def _held_out(start: Arm, refinement: Refinement, records: Sequence[Record]) -> 
         before = predict(start, [rec])[0]
         after = predict(refinement.arm_of(rec.session), [rec])[0]
         sound = without_strays([rec], [after.predicted])[0]
-        found.append(HeldOut(replace(before, record=sound), replace(after, record=sound)))
+        unsure = np.full(len(rec.channels), np.nan)
+        if refinement.uncertainty is not None:
+            model = refinement.problem.model.on((rec,))
+            unsure = left_open(model, refinement.outcome.point.z, refinement.uncertainty.covariance)
+        found.append(HeldOut(replace(before, record=sound), replace(after, record=sound), unsure))
     return found
 
 
@@ -333,6 +348,22 @@ def _warnings(
             "model lacks physics there, and the intervals are those of the best parameters of a model that is not "
             "quite right; `bha diagnose` names what is missing"
         )
+    return said
+
+
+def _asking(held_out: Sequence[HeldOut]) -> list[str]:
+    """What held-out logs ask for that the logs of the fit do not tell."""
+    said = []
+    for held in held_out:
+        if channels := held.asks_for_more:
+            worst = max(channels, key=lambda channel: held.after.rms[held.after.record.channels.index(channel)])
+            place = held.after.record.channels.index(worst)
+            said.append(
+                f"{held.after.record.name} asks for what the logs of the fit do not tell: {joined(channels)} "
+                f"{'is' if len(channels) == 1 else 'are'} missed by up to {1e3 * held.after.rms[place]:.2g} mm, and "
+                f"{1e3 * held.open[place]:.2g} mm have to be expected there; fit logs that move the arm so as well "
+                "(bha excite proposes some)"
+            )
     return said
 
 
@@ -396,6 +427,7 @@ def _held_out_summary(held: HeldOut) -> dict[str, Any]:
         "noise": rec.noise,
         "rms_before": [_finite(x) for x in held.before.rms],
         "rms_after": [_finite(x) for x in held.after.rms],
+        "left_open": [_finite(x) for x in held.open],
         "head_rms_before": {k: _finite(v) for k, v in held.before.head_rms.items()},
         "head_rms_after": {k: _finite(v) for k, v in held.after.head_rms.items()},
     }
