@@ -5,8 +5,8 @@ tape measure are off by factors, and then the fit diverges or ends in another va
 motion, or nothing comes of it, it is made again from where an identification would begin
 (:mod:`bha.estimation.begin`), and the better of the two counts. Where that leaves a gap on the logs of the fit, or its
 numbers are farther from the file's than these plausibly are, the arm is identified with what labs know as priors, and
-the fit made from there; it counts if it leaves no gap. Under commands a lag of two stages and a dead time of all inputs
-are among its numbers (:mod:`bha.diagnosis.valves`).
+the fit made from there; it counts if it leaves no gap, or clearly less of one. Under commands a lag of two stages and a
+dead time of all inputs are among its numbers (:mod:`bha.diagnosis.valves`).
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ def fit_plain(
         return None
 
     def settled(found: Plain) -> Plain:
-        """What was found, or where that leaves a gap the fit that an identification leads to, if that leaves none.
+        """What was found, or where that leaves a gap the fit that an identification leads to, if that leaves less.
 
         With more that is free and priors of its own it may take up an effect; what is not needed is no finding. A fit
         at the noise that is far from its file goes by priors that do not hold, in all that its logs do not tell, too:
@@ -198,7 +198,7 @@ def fit_plain(
         if (start := _identified(arm, train, threads)) is not None:
             with suppress(ConvergenceError):
                 other = fitted(start, "identified", "at what an identification of the logs finds", identified=True)
-                return other if other.gap < MATERIAL else found
+                return other if other.gap < max(MATERIAL, found.gap / MATERIAL) else found
         return found
 
     first: Plain | None = None

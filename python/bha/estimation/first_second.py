@@ -1,17 +1,18 @@
 """Where a log begins: lengths, rates and, under commands, what stood in the chambers, told by its first second.
 
 A log of commands that begins in motion does not say what the chambers held: the commands before it have not all come
-through. It is as if others had stood until a dead time before the log, one number an input; these are found with the
-lengths and rates. What the first second does not tell of them is the first command, give or take what commands of the
-log differ by.
-Limits: valves and chambers (``full``) are left at rest under the first command. Of an arm that stands at first, the
-command is that under which it stands (:mod:`bha.recordings.first_command`).
+through. It is as if others had stood, one number an input, until some moment within a dead time before the log, when
+its first ones came. These numbers and the moment are found with the lengths and rates. What the first second does not
+tell of them is the first command, give or take what commands of the log differ by.
+Limits: one command before the first one. Valves and chambers (``full``) are left at rest under the first command. Of an
+arm that stands at first, the command is that under which it stands (:mod:`bha.recordings.first_command`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,9 @@ _PRESSURE = 10.0
 _MOST_STEPS, _TOLERANCE, _FARTHEST = 6, 1e-3, 5.0
 #: How often scales are made anew where pressures are told too.
 _ROUNDS = 4
+#: Moments at which the first commands may have come, in dead times before the log, and least dead time, s, of which
+#: more than the first is tried.
+_MOMENTS, _LEAST_DEAD_TIME = (1.0, 0.75, 0.5, 0.25, 0.0), 0.02
 
 
 def unsure_of_pressures(parameters: ArmParameters, rec: Record) -> bool:
@@ -62,45 +66,102 @@ def first_second(model: Model, z: Array, number: int, guess: Array) -> tuple[Rec
     """
     rec = model.records[number].alone
     last = int(np.searchsorted(rec.time, rec.time[0] + START_SECONDS))
-    window = Window(0, 0, min(max(last, _ROWS), len(rec)))
     model = model.on((rec,))
-    nothing = (np.zeros(0), np.ones(0))
-    residuals = Residuals((rec.noise,), np.inf)
-    problem = Problem(model, (window,), residuals, guess[None], nothing, state_deviations([rec]))
     unsure = unsure_of_pressures(model.parameters, rec)
     first, spread = _commands(rec) if unsure else (np.zeros(0), np.zeros(0))
+    deviations = np.concatenate([np.repeat(state_deviations([rec]), len(guess) // 2), spread])
+    middle = np.concatenate([guess, first])
+    start = _Start(model, z, Window(0, 0, min(max(last, _ROWS), len(rec))), middle, deviations, len(guess))
     late = _dead_time(model, z) if unsure else 0.0
-    arm, observation = model.shown(z, 0)
-    deviations = np.concatenate([problem.state_deviation, spread])
-    middle, n = np.concatenate([guess, first]), len(guess)
-    differences = np.repeat([model.differences.length, model.differences.rate], n // 2)
-    steps = np.concatenate([differences, np.full(len(first), _PRESSURE)]) / deviations
+    moment, x = late, np.zeros(len(middle))
+    if late >= _LEAST_DEAD_TIME:
+        tried = [(share * late, start.found(share * late, x, 1)) for share in _MOMENTS]
+        moment, x = min(tried, key=lambda one: start.cost(*one))
+    values = start.values(start.found(moment, x, _ROUNDS if unsure else 1))
+    return start.record(values, moment), values[: len(guess)]
 
-    def run(x: Array) -> Run:
-        values = middle + deviations * x
-        drive = rec.preceded_by(values[n:], late).drive if unsure else None
-        return Run(arm, observation, rec, values[:n], 0, window.last, drive=drive)
 
-    def left(points: Sequence[Array]) -> list[Array]:
-        shown = model.integration.run([run(x) for x in points])
-        tables = [residuals.scaled(model, window, own)[0].ravel() for own in shown]
+@dataclass(frozen=True)
+class _Start:
+    """The first second of a log as a function of x: initial state and, where it is unsure, pressures before it.
+
+    Attributes:
+        model: the model on the record alone.
+        z: its coordinates.
+        window: the first second.
+        middle: values at x = 0: m, m/s and Pa.
+        deviations: how far one x takes each.
+        states: how many of them are of the initial state; the others are pressures.
+    """
+
+    model: Model
+    z: Array
+    window: Window
+    middle: Array
+    deviations: Array
+    states: int
+
+    def values(self, x: Array) -> Array:
+        """Initial state and pressures."""
+        return np.asarray(self.middle + self.deviations * x)
+
+    def record(self, values: Array, moment: float) -> Record:
+        """The record with its pressures before it, until ``moment``, s, before the log."""
+        rec = self.model.records[0]
+        return rec.preceded_by(values[self.states :], moment) if len(values) > self.states else rec
+
+    def found(self, moment: float, x: Array, rounds: int) -> Array:
+        """The best x from one on, with scales made anew so many times.
+
+        Where the model is wrong, its own error is the scale: the start must not make up for it. Of a start under
+        commands that were others the most is made up for by these, and then little is wrong.
+        """
+        for _ in range(rounds):
+            values = self.values(x)
+            problem = replace(self._problem, model=self.model.on((self.record(values, moment),)))
+            scaled = scales(problem, Point(self.z, values[None, : self.states]))
+            x = self._searched(moment, x, scaled)
+        return x
+
+    def cost(self, moment: float, x: Array) -> float:
+        """Squares of what is left in units of the sensors' noise, and of x."""
+        return float(np.sum(self._left(moment, [x], self._problem.residuals)[0] ** 2))
+
+    @cached_property
+    def _problem(self) -> Problem:
+        rec = self.model.records[0]
+        residuals = Residuals((rec.noise,), np.inf)
+        nothing = (np.zeros(0), np.ones(0))
+        guess = self.middle[None, : self.states]
+        return Problem(self.model, (self.window,), residuals, guess, nothing, state_deviations([rec]))
+
+    @cached_property
+    def _steps(self) -> Array:
+        """Differences of x by which derivatives are taken."""
+        differences = self.model.differences
+        of_states = np.repeat([differences.length, differences.rate], self.states // 2)
+        of_pressures = np.full(len(self.middle) - self.states, _PRESSURE)
+        return np.asarray(np.concatenate([of_states, of_pressures]) / self.deviations)
+
+    def _searched(self, moment: float, x: Array, scaled: Residuals) -> Array:
+        def slopes(x: Array, here: Array) -> Array:
+            there = self._left(moment, [x + own for own in np.diag(self._steps)], scaled)
+            return np.column_stack([(own - here) / step for own, step in zip(there, self._steps, strict=True)])
+
+        def left(x: Array) -> Array:
+            return self._left(moment, [x], scaled)[0]
+
+        bounds = np.tile([-_FARTHEST, _FARTHEST], (len(x), 1))
+        return minimize(left, slopes, x, bounds, max_iterations=_MOST_STEPS, tolerance=_TOLERANCE).z
+
+    def _left(self, moment: float, points: Sequence[Array], scaled: Residuals) -> list[Array]:
+        arm, observation = self.model.shown(self.z, 0)
+        rec, runs = self.model.records[0], []
+        for values in map(self.values, points):
+            drive = self.record(values, moment).drive if len(values) > self.states else None
+            runs.append(Run(arm, observation, rec, values[: self.states], 0, self.window.last, drive=drive))
+        tables = [scaled.scaled(self.model, self.window, own)[0].ravel() for own in self.model.integration.run(runs)]
         return [np.concatenate([table, -x]) for table, x in zip(tables, points, strict=True)]
-
-    def slopes(x: Array, here: Array) -> Array:
-        there = left([x + own for own in np.diag(steps)])
-        return np.column_stack([(own - here) / step for own, step in zip(there, steps, strict=True)])
-
-    x = np.zeros(len(middle))
-    bounds = np.tile([-_FARTHEST, _FARTHEST], (len(middle), 1))
-    # Where the model is wrong, its own error is the scale: the start must not make up for it. Of a start under commands
-    # that were others the most is made up for by these, and then little is wrong.
-    for _ in range(_ROUNDS if unsure else 1):
-        values = middle + deviations * x
-        there = model.on((rec.preceded_by(values[n:], late),)) if unsure else model
-        residuals = scales(replace(problem, model=there), Point(z, values[None, :n]))
-        x = minimize(lambda x: left([x])[0], slopes, x, bounds, max_iterations=_MOST_STEPS, tolerance=_TOLERANCE).z
-    values = middle + deviations * x
-    return rec.preceded_by(values[n:], late) if unsure else rec, values[:n]
 
 
 def preceded(model: Model, z: Array) -> Model:
