@@ -54,9 +54,12 @@ def test_the_next_that_stands_takes_the_place(
     assert search.second is second
 
 
-@pytest.mark.parametrize(("second", "verdict"), [(False, "named"), (True, "unexplained")])
-def test_held_out_logs_ask_more_of_it(second: bool, verdict: str) -> None:
-    """Six tenths of the excess are enough for a name that stands out, and too little for one in its place."""
+@pytest.mark.parametrize(
+    ("second", "doubtful", "verdict"),
+    [(False, {}, "named"), (True, {}, "unexplained"), (False, {GAIN: 0.03}, "unexplained")],
+)
+def test_held_out_logs_ask_more_of_it(second: bool, doubtful: dict[tuple[str, str], float], verdict: str) -> None:
+    """Six tenths of the excess are enough for a name that stands out, too little for one in its place or by chance."""
 
     def predicted(square: float) -> Prediction:
         squares = np.full(10, square)
@@ -65,7 +68,8 @@ def test_held_out_logs_ask_more_of_it(second: bool, verdict: str) -> None:
     plain: Any = SimpleNamespace(prediction=predicted(11.0), candidates=(), key=())
     best: Any = SimpleNamespace(prediction=predicted(5.0), candidates=(GAIN,), key=(GAIN,), label="length_gain")
     gap = GapTest(11.0, 1.0, 1.2, 3.3, significant=True)
-    assert decide(Search(plain, best, second=second), gap, 1.0, Thresholds()).verdict == verdict
+    search = Search(plain, best, second=second, doubtful=doubtful)
+    assert decide(search, gap, 1.0, Thresholds()).verdict == verdict
 
 
 @pytest.mark.parametrize(("inexact", "members"), [(False, []), (True, [LEAK])])
