@@ -173,6 +173,11 @@ class Identification:
         return self.refinement.outcome.converged
 
     @property
+    def gap(self) -> float:
+        """How many times the noise is left in the channel in which it is most; 1 where all is noise."""
+        return max([1.0, *(r.rms / r.noise for r in self.residuals)])
+
+    @property
     def interrupted(self) -> bool:
         """Whether Ctrl-C ended it; what was reached is kept."""
         return self.refinement.outcome.interrupted

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from bha.arm import Arm
-from bha.errors import InputError
+from bha.errors import BhaError, InputError
 from bha.estimation.apart import mean_pressures
 from bha.estimation.begin import Begin, begin
 from bha.estimation.defaults import by_default
@@ -20,7 +20,7 @@ from bha.estimation.scale import scale_of
 from bha.estimation.settings import Settings
 from bha.estimation.strays import in_words
 from bha.identification.arranged import arranged, by_session
-from bha.identification.result import Identification, identification
+from bha.identification.result import GAP, Identification, identification
 from bha.identification.words import joined
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
@@ -90,7 +90,7 @@ def identify(
     if free is None:
         lagging, free = by_default(arm, used)
     free = by_session(free, per_session, used, held)
-    settings = settings or Settings()
+    settings = stated = settings or Settings()
 
     def rest(text: str, done: float) -> None:
         assert progress is not None
@@ -112,11 +112,37 @@ def identify(
     fit = refine(start.arm, used, start.free, settings, progress=None if progress is None else rest)
     result = identification(arm, fit, held)
     commanded = any(rec.drive.commanded for rec in used)
+    if commanded and not (start.from_file or start.creeps or fit.outcome.interrupted) and result.gap > GAP:
+        tell = None if progress is None else lambda text, _done: progress(f"from the file's values: {text}", 1.0)
+        other = _from_the_file(arm, lagging, used, free, stated, held, tell)
+        if other is not None and other.gap < result.gap:
+            start, result, fit = replace(start, arm=lagging, free=free, from_file=True), other, other.refinement
     times = common_times(fit.arm, mean_pressures(used), _lag_error(result)) if commanded else ()
     seen = [*fit.problem.model.records, *(one.after.record for one in result.held_out)]
     strays = filter(None, map(in_words, [*used, *held], seen))
     notes = (*found.faults, *found.repairs, *_notes(start, result, used), *strays, *map(_of_time, times))
     return replace(result, notes=notes, common_times=times)
+
+
+def _from_the_file(
+    arm: Arm,
+    lagging: Arm,
+    used: Sequence[Record],
+    free: Iterable[FreeParameter | str],
+    settings: Settings,
+    held: Sequence[Record],
+    progress: Callable[[str, float], None] | None,
+) -> Identification | None:
+    """The same from the values of the file, which under commands may lie in the right valley of lag and damping.
+
+    Held poses take what an arm does behind its commands for a lag, be it that of the pressures or a swing: with the
+    scale of a light arm they lead where its damping stands for the pressures' lag. None where it comes to nothing.
+    """
+    try:
+        fit = refine(lagging, used, free, settings, progress=progress)
+    except (BhaError, KeyboardInterrupt):
+        return None
+    return None if fit.outcome.interrupted else identification(arm, fit, held)
 
 
 def _of_an_arm_that_creeps(settings: Settings) -> Settings:
