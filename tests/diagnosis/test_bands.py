@@ -90,6 +90,17 @@ def test_coloured_noise_is_told_from_white(share: float, time: float) -> None:
         assert found.time == pytest.approx(time, rel=0.5)
 
 
+@pytest.mark.parametrize(("time", "told"), [(0.15, True), (0.4, False)])
+def test_what_is_as_slow_as_an_arm_is_no_colour_of_a_sensor(time: float, told: bool) -> None:
+    """What slips leaves errors of some tenths of a second in all channels alike, and hid as a colour of 0.26 s."""
+    rng = np.random.default_rng(8)
+    frequency = np.geomspace(0.5, 20.0, 59)
+    spectra = bands.SensorNoise(1.0, 0.9, time).density(frequency, 2e-2) * rng.chisquare(400, len(frequency)) / 400
+    found = bands.sensor_noise(spectra, np.full(len(frequency), 400.0), frequency, 2e-2, 0.4)
+    assert (found.share > 0.0) is told
+    assert found.deviation == pytest.approx(1.0 if told else 0.4, rel=0.1)
+
+
 def test_a_gap_a_hundred_times_the_noise_counts_alike_where_every_fourth_reading_is_missing() -> None:
     # A zero in each place would be a spike as high as the gap.
     rng = np.random.default_rng(8)

@@ -34,6 +34,8 @@ QUIET_FREQUENCY = 15.0
 COLOUR_GAIN = 15.0
 #: Lowest frequency that is seen, over the corner of the colour, up to which its size is told.
 CORNER = 2.0
+#: Greatest correlation time of a sensor's noise, s: what is slower than 0.6 Hz is of the arm, whatever its spectrum.
+SLOWEST = 0.25
 #: Fewest coefficients of one log in a band.
 BAND_COEFFICIENTS = 12
 
@@ -98,7 +100,7 @@ def sensor_noise(
     deviation = float(np.exp(0.5 * best[1][0]))
     weak = 0.5 * count * (plain - best[0]) < COLOUR_GAIN or share < 0.1
     # Where only the slope above its corner is seen, size and time are not told apart.
-    seen = 2.0 * np.pi * float(np.min(frequency)) * time < CORNER
+    seen = 2.0 * np.pi * float(np.min(frequency)) * time < CORNER and time < SLOWEST
     if weak or not sample_time < time or not (seen or (time < 0.2 and deviation <= 2.0 * white)):
         return SensorNoise(white)
     return SensorNoise(deviation, float(share), time)
