@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 START_SECONDS = 1.0
 #: Least rows of it.
 _ROWS = 8
+#: How much of a log beyond its first second is looked at, s: over as much its pressures are averaged at the most.
+_BEYOND = 0.5
 #: Difference of a pressure by which derivatives are taken, Pa.
 _PRESSURE = 10.0
 #: Most steps, what one must promise, and how many deviations of its prior anything is off at most.
@@ -64,21 +66,23 @@ def first_second(model: Model, z: Array, number: int, guess: Array) -> tuple[Rec
     Raises:
         ConvergenceError: the simulation from the guess fails.
     """
-    rec = model.records[number].alone
-    last = int(np.searchsorted(rec.time, rec.time[0] + START_SECONDS))
+    whole = model.records[number].alone
+    last = min(max(int(np.searchsorted(whole.time, whole.time[0] + START_SECONDS)), _ROWS), len(whole))
+    # What comes after it does not matter, and is the most of a log.
+    rec = whole.between(float(whole.drive.time[0]), float(whole.time[last - 1]) + _BEYOND)
     model = model.on((rec,))
-    unsure = unsure_of_pressures(model.parameters, rec)
-    first, spread = _commands(rec) if unsure else (np.zeros(0), np.zeros(0))
+    unsure = unsure_of_pressures(model.parameters, whole)
+    first, spread = _commands(whole) if unsure else (np.zeros(0), np.zeros(0))
     deviations = np.concatenate([np.repeat(state_deviations([rec]), len(guess) // 2), spread])
     middle = np.concatenate([guess, first])
-    start = _Start(model, z, Window(0, 0, min(max(last, _ROWS), len(rec))), middle, deviations, len(guess))
+    start = _Start(model, z, Window(0, 0, last), middle, deviations, len(guess))
     late = _dead_time(model, z) if unsure else 0.0
     moment, x = late, np.zeros(len(middle))
     if late >= _LEAST_DEAD_TIME:
         tried = [(share * late, start.found(share * late, x, 1)) for share in _MOMENTS]
         moment, x = min(tried, key=lambda one: start.cost(*one))
     values = start.values(start.found(moment, x, _ROUNDS if unsure else 1))
-    return start.record(values, moment), values[: len(guess)]
+    return _preceded(whole, values[len(guess) :], moment), values[: len(guess)]
 
 
 @dataclass(frozen=True)
@@ -107,8 +111,7 @@ class _Start:
 
     def record(self, values: Array, moment: float) -> Record:
         """The record with its pressures before it, until ``moment``, s, before the log."""
-        rec = self.model.records[0]
-        return rec.preceded_by(values[self.states :], moment) if len(values) > self.states else rec
+        return _preceded(self.model.records[0], values[self.states :], moment)
 
     def found(self, moment: float, x: Array, rounds: int) -> Array:
         """The best x from one on, with scales made anew so many times.
@@ -176,6 +179,11 @@ def preceded(model: Model, z: Array) -> Model:
             guess = model.guesses(z, [Window(number, 0, len(rec))])[0]
             told[number] = first_second(model, z, number, guess)[0]
     return model.on(told)
+
+
+def _preceded(rec: Record, pressures: Array, moment: float) -> Record:
+    """The record with these pressures before it until ``moment``, s, before the log; itself where there are none."""
+    return rec.preceded_by(pressures, moment) if len(pressures) else rec
 
 
 def _commands(rec: Record) -> tuple[Array, Array]:
