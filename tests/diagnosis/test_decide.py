@@ -96,6 +96,15 @@ def test_less_than_noise_should_make_is_said(mean_square: float, said: bool) -> 
     assert ("taken for too great" in _too_much_noise(gap, Thresholds())) is said
 
 
+@pytest.mark.parametrize(("ratio", "said"), [(4.4, True), (1.1, False)])
+def test_errors_far_above_the_noise_that_are_left_open_are_said_to_be(ratio: float, said: bool) -> None:
+    plain = _missing(1e-3)
+    search: Any = SimpleNamespace(plain=plain, best=plain)
+    found = decide(search, GapTest(2.5, 1.8, 5.2, ratio, False), 1e-3 / ratio, Thresholds())
+    assert found.verdict == "equivalent"
+    assert ("the training logs do not tell" in found.reason) is said
+
+
 def _missing(rms: float, *keys: tuple[str, str]) -> Any:
     """A model that errs by ``rms`` m on ten blocks of held-out logs."""
     squares = np.full(10, 10.0 * rms**2)
