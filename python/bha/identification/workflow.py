@@ -29,6 +29,8 @@ from bha.recordings import PressureSort, Recording
 _CREEPING_INTERVAL, _CREEPING_STATES = 0.1, (1e-3, 5e-3)
 #: What its model leaves lasts for 1.6 s, sixteen rows.
 _LASTING = 4.0
+#: Most steps of each stage of a fit that begins a second time, from the file's values.
+_FEW_STEPS = 12
 #: Part of the progress that finding a start is.
 _BEGIN_SHARE = 0.2
 
@@ -138,8 +140,10 @@ def _from_the_file(
     Held poses take what an arm does behind its commands for a lag, be it that of the pressures or a swing: with the
     scale of a light arm they lead where its damping stands for the pressures' lag. None where it comes to nothing.
     """
+    # In the right valley it is at the bottom soon; in the same one as before nothing is gained by going on.
+    few = replace(settings, max_iterations=min(_FEW_STEPS, settings.max_iterations))
     try:
-        fit = refine(lagging, used, free, settings, progress=progress)
+        fit = refine(lagging, used, free, few, progress=progress)
     except (BhaError, KeyboardInterrupt):
         return None
     return None if fit.outcome.interrupted else identification(arm, fit, held)
