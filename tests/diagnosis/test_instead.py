@@ -27,10 +27,10 @@ def searched(*standing: tuple[str, str]) -> Search:
     """A search that the hose won, with which sets stand; the tilt brings too little to be asked."""
     plain = trial(100.0)
     first = [trial(10.0, HOSE), trial(20.0, GAIN), trial(30.0, LEAK), trial(90.0, TILT)]
-    search = Search(plain, first[0], rivals=[first])
+    search = Search(plain, first[0], rivals=[first], doubtful={HOSE: 0.04})
     given: Any = SimpleNamespace(rules=Rules(), problem=None, signatures=None)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(following, "prune", lambda *_: None)
+        patch.setattr(following, "prune", lambda _, search: search.doubtful.clear())
         patch.setattr(following, "forward", lambda *_: None)
         patch.setattr(following, "stands", lambda _, t: bool(t.key) and t.key[0] in standing)
         following.instead(given, search)
@@ -52,6 +52,8 @@ def test_the_next_that_stands_takes_the_place(
     search = searched(*standing)
     assert search.best.key == (best,)
     assert search.second is second
+    # How likely by chance it is has been asked of what was found, and is not asked again.
+    assert (HOSE in search.doubtful) is (best is HOSE)
 
 
 @pytest.mark.parametrize(

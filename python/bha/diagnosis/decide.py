@@ -179,7 +179,8 @@ def decide(search: Search, gap: GapTest, noise: float, limits: Thresholds, toler
     # Several names for a part of a gap are a form that none of them has. One that stands out from all others, beside
     # which none is needed, is there whatever else is: disturbances, and forms other than the catalogue's. One in the
     # place of a name that was refused does not stand out, and neither does one that chance may bring.
-    alone = len(set(search.best.key)) == 1 and not search.second and not search.doubtful
+    doubtful = any(key in search.doubtful for key in search.best.key)
+    alone = len(set(search.best.key)) == 1 and not search.second and not doubtful
     if closure < (limits.half if alone or left < limits.material else limits.closure):
         return Decision(
             "unexplained",

@@ -21,9 +21,10 @@ def instead(given: Given, search: Search) -> None:
     Held-out logs have no part in it. They are asked for more then (:func:`bha.diagnosis.decide.decide`), as they are
     for several effects.
     """
-    if not search.rivals or stands(given, search.best):
+    if not search.rivals or len(set(search.best.key)) > 1 or stands(given, search.best):
         return
     found, first = search.best, search.rivals[0]
+    doubtful = dict(search.doubtful)
     most = max(search.plain.fit.squares - t.fit.squares for t in first)
     refused = {first[0].key, *(t.key for t in (found,) if t.candidates)}
     for trial in first:
@@ -41,7 +42,8 @@ def instead(given: Given, search: Search) -> None:
         if stands(given, search.best):
             search.second = True
             return
-    search.best = found
+    # As it was, with what else is known of it.
+    search.best, search.doubtful, search.whole = found, doubtful, None
 
 
 def stands(given: Given, trial: Trial) -> bool:
