@@ -69,3 +69,19 @@ def test_a_further_name_answers_a_gap_of_its_own(without: float, stays: bool, mo
     search = Search(trials[()], trials[CREEP, HYSTERESIS], screening=never)  # type: ignore[arg-type]
     prune(SimpleNamespace(problem=None, rules=Rules(), signatures=None), search)  # type: ignore[arg-type]
     assert search.best.key == ((CREEP, HYSTERESIS) if stays else (CREEP,))
+
+
+@pytest.mark.parametrize(("dropped", "anew"), [(2.0, True), (20.0, False)])
+def test_a_set_without_an_effect_is_fitted_anew_where_an_earlier_round_ended_in_another_valley(
+    dropped: float, anew: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lag of nothing beside a delay: the delay alone had ended at 10, and costs 2 as it stands in the set."""
+    earlier, again = (SimpleNamespace(key=(CREEP,), fit=SimpleNamespace(cost=c, jacobian=())) for c in (10.0, 1.5))
+    monkeypatch.setattr(pruning, "evaluated_without", lambda *_: SimpleNamespace(cost=dropped))
+    monkeypatch.setattr(pruning, "without", lambda *_: again)
+    monkeypatch.setattr(pruning, "abreast", lambda problem, work, numbers, say: [work(k) for k in numbers])
+    best: Any = SimpleNamespace(key=(CREEP, HYSTERESIS))
+    search = Search(trial(5.0), best, trials=[earlier])  # type: ignore[list-item]
+    given: Any = SimpleNamespace(problem=None, say=lambda text: None)
+    smaller = pruning._each_without(given, search)
+    assert smaller[HYSTERESIS] is (again if anew else earlier)

@@ -13,7 +13,7 @@ from bha.diagnosis.abreast import abreast
 from bha.diagnosis.crossing import crossed, share_of_excess
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import share_brought
-from bha.diagnosis.refit import Trial, without
+from bha.diagnosis.refit import Trial, evaluated_without, without
 from bha.diagnosis.screen import score
 from bha.diagnosis.search import Search, by_chance, gain
 
@@ -82,7 +82,13 @@ def _each_without(given: Given, search: Search) -> dict[tuple[str, str], Trial]:
 
     def refitted(k: int) -> Trial | None:
         rest = tuple(key for number, key in enumerate(keys) if number != k)
-        return search.plain if not rest else search.fitted(rest) or without(given, current, k)
+        if not rest:
+            return search.plain
+        known = search.fitted(rest)
+        # An earlier round may have ended in another valley than the set, which with nothing refitted is better.
+        if known is not None and evaluated_without(given, current, k).cost >= known.fit.cost:
+            return known
+        return without(given, current, k)
 
     def say(k: int) -> None:
         given.say(f"pruning: without {keys[k][0]} at {keys[k][1]}")

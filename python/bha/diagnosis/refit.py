@@ -262,13 +262,18 @@ def drop(start: Fit, index: int) -> Fit:
     return replace(start, model=model, x=start.x[keep], jacobian=jacobian)
 
 
+def evaluated_without(given: Given, trial: Trial, index: int) -> Fit:
+    """The fit of a trial without its effect ``index``, its other numbers as they are; infinite cost if it diverges."""
+    smaller = drop(trial.fit, index)
+    fit = evaluate(given.problem, smaller.model, smaller.x, smaller.states, smaller.trust)
+    return replace(fit, jacobian=smaller.jacobian, state_jacobians=smaller.state_jacobians)
+
+
 def without(given: Given, trial: Trial, index: int) -> Trial | None:
     """The trial refitted without its effect ``index``; None if that diverges."""
-    problem, smaller = given.problem, drop(trial.fit, index)
-    fit = evaluate(problem, smaller.model, smaller.x, smaller.states, smaller.trust)
+    problem, fit = given.problem, evaluated_without(given, trial, index)
     if not np.isfinite(fit.cost):
         return None
-    fit = replace(fit, jacobian=smaller.jacobian, state_jacobians=smaller.state_jacobians)
     try:
         fit = improve(problem, fit, iterations=ITERATIONS, renewals=RENEWALS, tolerance=TOLERANCE, limit=GREATEST_STEP)
     except ConvergenceError:
