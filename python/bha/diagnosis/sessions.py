@@ -16,7 +16,25 @@ import numpy as np
 from bha.diagnosis.unlogged import MOST_OFFSET, offset_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from bha.diagnosis.refit import Trial
+    from bha.diagnosis.search import Search
+
+
+def by_sessions(search: Search, is_named: Callable[[Search], bool]) -> tuple[Search, str]:
+    """A search, with errors about their means where its best set is named by these; what is to be said of its logs.
+
+    What differs from day to day may hide an effect. Where nothing is named it may as well be one.
+    """
+    apart = stand_apart(search.best)
+    if not apart:
+        return search, ""
+    moved = search.about_means()
+    if search.best.candidates and is_named(moved):
+        search, apart = moved, f"{apart}; errors count about the mean of each log and channel"
+    search.notes.append(apart)
+    return search, apart
 
 
 def stand_apart(best: Trial) -> str:

@@ -16,7 +16,7 @@ from bha.diagnosis import catalogue
 from bha.diagnosis.baseline import Baseline, Prepared, preceded_in_motion
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.candidate import core_ranges
-from bha.diagnosis.decide import Decision, Thresholds, decide, gap_test, tolerant, untold, without_faults
+from bha.diagnosis.decide import Decision, GapTest, Thresholds, decide, gap_test, tolerant, untold, without_faults
 from bha.diagnosis.describe import describe
 from bha.diagnosis.fit import Fit, Problem, evaluate, whole_logs, with_sensitivities
 from bha.diagnosis.given import Given
@@ -41,7 +41,7 @@ from bha.diagnosis.rules import NOISE_LEFT, Rules
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.search import OutOfTime, Search
 from bha.diagnosis.select import search
-from bha.diagnosis.sessions import stand_apart
+from bha.diagnosis.sessions import by_sessions
 from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
@@ -188,9 +188,15 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
     floor, more = _held_out_noise(baseline, holdout, prediction, seed)
     noise_rms = float(np.sqrt(np.mean(floor**2)))
     say("testing the gap")
-    before = rms_errors(prediction)[0] if np.isfinite(prediction.mean_square) else prediction.rms
     limits = tolerant(limits, tolerance, noise_rms)
-    gap = gap_test(problem, holdout, plain_fit, prediction, before / noise_rms, limits, more)
+
+    def tested(own: Search) -> tuple[float, GapTest]:
+        """Error of the plain model on the held-out logs, m RMS, and whether it is a gap."""
+        predicted = own.plain.prediction
+        error = rms_errors(predicted)[0] if np.isfinite(predicted.mean_square) else predicted.rms
+        return error, gap_test(problem, own.plain.holdout, plain_fit, predicted, error / noise_rms, limits, more)
+
+    before, gap = tested(state)
     memory = remembered(problem, plain_fit, holdout, prediction, noise_rms, limits)
     # Names of many effects would mend what the file has wrong; one may hint at a fault that is none.
     rules = replace(rules, most=1) if faults else rules
@@ -220,18 +226,12 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    apart = stand_apart(state.best) if gap.significant else ""
-    if apart and state.best.candidates:
-        # What differs from day to day may hide an effect; where nothing is named, it may as well be one.
-        moved = state.about_means()
-        holdout, prediction = moved.plain.holdout, moved.plain.prediction
-        own = rms_errors(prediction)[0]
-        tested = gap_test(problem, holdout, plain_fit, prediction, own / noise_rms, limits, more)
-        if decide(moved, tested, noise_rms, limits, tolerance).verdict == "named":
-            state, gap, before = moved, tested, own
-            apart += "; errors count about the mean of each log and channel"
-        holdout, prediction = state.plain.holdout, state.plain.prediction
-    state.notes += [apart] if apart else []
+    apart = ""
+    if gap.significant:
+        state, apart = by_sessions(state, lambda own: decide(own, tested(own)[1], noise_rms, limits).verdict == "named")
+        if state.plain.holdout is not holdout:
+            holdout, prediction = state.plain.holdout, state.plain.prediction
+            before, gap = tested(state)
     before, after = _compared(state, prediction, before)
     # All over the same blocks: those in which no model has run away.
     until = [min(ends) for ends in zip(prediction.until, state.best.prediction.until, strict=True)]
