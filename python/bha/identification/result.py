@@ -25,7 +25,7 @@ from bha.identification.provenance import Mark, marked
 from bha.identification.residuals import ChannelResidual, channel_residuals
 from bha.identification.words import joined, spoken
 from bha.parameters import ArmParameters, paths
-from bha.support.shown import frame, html_table, span
+from bha.support.shown import frame, html_table, short_repr, span
 
 Array = NDArray[np.float64]
 
@@ -66,6 +66,7 @@ class Estimate:
     at_bound: bool
 
 
+@short_repr
 @dataclass(frozen=True)
 class HeldOut:
     """A log that took no part in the fit, predicted before and after it.
