@@ -101,7 +101,6 @@ def _worth_refining(trials: Sequence[Trial], current: Trial, share: float) -> li
     refining looks.
     """
     drops = [current.fit.squares - t.fit.squares for t in trials]
-    close = [t for t, drop in zip(trials, drops, strict=True) if drop > share * max(drops)]
-    second = [t for t in trials[1:2] if any(t is c for c in close)]
-    lag = [t for t in close if t.key[-1][0] == LAG][:1]
-    return list({id(t): t for t in (*trials[:1], *second, *lag)}.values())
+    close = [k for k, drop in enumerate(drops) if drop > share * max(drops)]
+    lag = next((k for k in close if trials[k].key[-1][0] == LAG), 0)
+    return [t for k, t in enumerate(trials) if k == 0 or (k in close and k in (1, lag))]

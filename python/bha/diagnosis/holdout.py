@@ -116,7 +116,7 @@ class Holdout:
             if not trial.cost < fit.cost:
                 break
             fit, until, rms = trial, later, error
-        return self.compared(fit.outputs, fit.states, until, rms)
+        return self._compared(fit.outputs, fit.states, fit.residual, until, rms)
 
     def about(self) -> Holdout:
         """The same with errors counted about their means."""
@@ -126,8 +126,13 @@ class Holdout:
         self, outputs: tuple[Array, ...], states: tuple[Array, ...], until: tuple[float, ...], rms: float
     ) -> Prediction:
         """The prediction with these outputs."""
+        return self._compared(outputs, states, self.problem.residual(self._counted(outputs, until)), until, rms)
+
+    def _compared(
+        self, outputs: tuple[Array, ...], states: tuple[Array, ...], white: Array, until: tuple[float, ...], rms: float
+    ) -> Prediction:
         counted = self._counted(outputs, until)
-        found = predicted(self.problem, self.readings, counted, states, self.problem.residual(counted), until, rms)
+        found = predicted(self.problem, self.readings, counted, states, white, until, rms)
         return replace(found, outputs=outputs)
 
     def _counted(self, outputs: tuple[Array, ...], until: Sequence[float]) -> tuple[Array, ...]:

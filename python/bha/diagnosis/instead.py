@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bha.diagnosis.forward import forward
 from bha.diagnosis.given import Given
-from bha.diagnosis.intervals import coordinate_draws, form_deviation, is_told
+from bha.diagnosis.intervals import form_deviation, is_there
 from bha.diagnosis.prune import prune
 from bha.diagnosis.ranking import on_bound
 from bha.diagnosis.refit import Trial
@@ -26,7 +26,7 @@ def instead(given: Given, search: Search) -> None:
     found, first = search.best, search.rivals[0]
     doubtful = dict(search.doubtful)
     most = max(search.plain.fit.squares - t.fit.squares for t in first)
-    refused = {first[0].key, *(t.key for t in (found,) if t.candidates)}
+    refused = {first[0].key, found.key}
     for trial in first:
         drop = search.plain.fit.squares - trial.fit.squares
         if trial.key in refused or trial.fit.jacobian is None or drop < given.rules.like * most:
@@ -47,8 +47,8 @@ def instead(given: Given, search: Search) -> None:
 
 
 def stands(given: Given, trial: Trial) -> bool:
-    """Whether a set names something that is on no bound, and there is some of it (:func:`is_told`)."""
+    """Whether a set names something that is on no bound, and there is some of it."""
     if not trial.candidates or trial.fit.jacobian is None or on_bound(trial):
         return False
     form = form_deviation(given.problem, trial.fit, given.signatures, 0)
-    return is_told(trial, coordinate_draws(given.problem, trial.fit, 0, form, between_logs=False))
+    return is_there(given.problem, trial, form, 0)

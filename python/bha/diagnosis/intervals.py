@@ -93,6 +93,11 @@ def is_told(trial: Trial, draws: Array) -> bool:
     return not found or any(found)
 
 
+def is_there(problem: Problem, trial: Trial, form: Array, seed: int) -> bool:
+    """Whether there is some of what a set names, by the noise and by ``form``, see :func:`form_deviation`."""
+    return is_told(trial, coordinate_draws(problem, trial.fit, seed, form, between_logs=False))
+
+
 def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int) -> Array:
     """How far each coordinate moves with one more candidate in the model, the farthest of those that may be there.
 

@@ -160,15 +160,15 @@ def _head(found: Diagnosis, arm_name: str) -> str:
     made, incomplete = found.made, _incomplete(found)
     of_when = f", {escape(made.date[:16].replace('T', ' '))}" if made else ""
     names = ", ".join(f"{e.kind} at {e.where}" for e in found.missing)
+    how = "Nothing was fitted: the arm is held where the other logs show it"
+    if found.plain:
+        how = "These logs took no part in any fit; the plain model was identified again first"
     return (
         f"<p class='soft'>Diagnosis of {escape(arm_name)}{of_when}</p><div class='verdict {escape(found.verdict)}'>"
         f"<h1>{escape(headline(found))}</h1><p>"
         + (f"{escape(VERDICTS[found.verdict])}: {escape(names)}. " if names else "")
         + f"{escape(_capital(found.reason))}.</p>{incomplete}</div>"
-        f"<p>{escape(_capital(errors_in_words(found.gap, named=found.has_names)))}. "
-        + ("These logs took no part in any fit; the plain model was identified again first" if found.plain else "")
-        + ("" if found.plain else "Nothing was fitted: the arm is held where the other logs show it")
-        + ".</p>"
+        f"<p>{escape(_capital(errors_in_words(found.gap, named=found.has_names)))}. {how}.</p>"
         + "".join(f"<p>Setup: {escape(text)}.</p>" for text in found.setup)
     )
 

@@ -13,28 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bha.diagnosis.unlogged import MOST_OFFSET, offset_of
+from bha.diagnosis.unlogged import MOST_OFFSET, mean_error, offset_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from bha.diagnosis.refit import Trial
-    from bha.diagnosis.search import Search
-
-
-def by_sessions(search: Search, is_named: Callable[[Search], bool]) -> tuple[Search, str]:
-    """A search, with errors about their means where its best set is named by these; what is to be said of its logs.
-
-    What differs from day to day may hide an effect. Where nothing is named it may as well be one.
-    """
-    apart = stand_apart(search.best)
-    if not apart:
-        return search, ""
-    moved = search.about_means()
-    if search.best.candidates and is_named(moved):
-        search, apart = moved, f"{apart}; errors count about the mean of each log and channel"
-    search.notes.append(apart)
-    return search, apart
 
 
 def stand_apart(best: Trial) -> str:
@@ -42,9 +24,7 @@ def stand_apart(best: Trial) -> str:
     logs = list(zip(best.holdout.problem.records, best.prediction.outputs, strict=True))
     if not np.isinf(best.prediction.until).all() or offset_of(logs) < MOST_OFFSET:
         return ""
-    means = [np.mean((r.measured - y)[r.usable.all(axis=1)], axis=0) for r, y in logs if r.usable.all(axis=1).any()]
-    size = float(np.sqrt(np.mean(np.square(means)))) if means else 0.0
     return (
-        f"held-out logs stand {1e3 * size:.2g} mm (RMS) beside where those of the fit say, most of what is missed: "
-        "sessions that differ (rest lengths, camera, weather), or a law that does not hold where those logs are"
+        f"held-out logs stand {1e3 * mean_error(logs):.2g} mm (RMS) beside where those of the fit say, most of what is "
+        "missed: sessions that differ (rest lengths, camera, weather), or a law that does not hold where those logs are"
     )

@@ -162,10 +162,15 @@ def unlogged(
 
 def offset_of(part: Sequence[tuple[Record, Array]]) -> float:
     """RMS mean error of logs, in each channel, over the rest of their errors; of records and what a model shows."""
+    return mean_error(part) / max(_scatter(part), 1e-12)
+
+
+def mean_error(part: Sequence[tuple[Record, Array]]) -> float:
+    """Mean error of each log and channel, RMS over these, m."""
     means = [
         np.mean((r.measured - y)[r.usable[:, c], c]) for r, y in part for c in range(y.shape[1]) if r.usable[:, c].any()
     ]
-    return float(np.sqrt(np.mean(np.square(means)))) / max(_scatter(part), 1e-12) if means else 0.0
+    return float(np.sqrt(np.mean(np.square(means)))) if means else 0.0
 
 
 def _scatter(part: Sequence[tuple[Record, Array]]) -> float:

@@ -21,7 +21,7 @@ from bha.diagnosis.describe import describe
 from bha.diagnosis.fit import Fit, Problem, evaluate, whole_logs, with_sensitivities
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
-from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_told
+from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_there
 from bha.diagnosis.noises import disturbed_outputs, mean_white_square
 from bha.diagnosis.plain import FOUND, fit_plain, remembering
 from bha.diagnosis.preparation import (
@@ -41,7 +41,7 @@ from bha.diagnosis.rules import NOISE_LEFT, Rules
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.search import OutOfTime, Search
 from bha.diagnosis.select import search
-from bha.diagnosis.sessions import by_sessions
+from bha.diagnosis.sessions import stand_apart
 from bha.diagnosis.smoothing import smoothed
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
@@ -226,12 +226,16 @@ def run(  # noqa: PLR0912, PLR0915  (the steps of the diagnosis in their order, 
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    apart = ""
-    if gap.significant:
-        state, apart = by_sessions(state, lambda own: decide(own, tested(own)[1], noise_rms, limits).verdict == "named")
-        if state.plain.holdout is not holdout:
-            holdout, prediction = state.plain.holdout, state.plain.prediction
-            before, gap = tested(state)
+    apart = stand_apart(state.best) if gap.significant else ""
+    if apart and state.best.candidates:
+        # What differs from day to day may hide an effect; where nothing is named, it may as well be one.
+        moved = state.about_means()
+        error, other = tested(moved)
+        if decide(moved, other, noise_rms, limits).verdict == "named":
+            state, before, gap = moved, error, other
+            holdout, prediction = moved.plain.holdout, moved.plain.prediction
+            apart += "; errors count about the mean of each log and channel"
+    state.notes += [apart] if apart else []
     before, after = _compared(state, prediction, before)
     # All over the same blocks: those in which no model has run away.
     until = [min(ends) for ends in zip(prediction.until, state.best.prediction.until, strict=True)]
@@ -321,15 +325,14 @@ def _known(
     problem: Problem, trial: Trial, signatures: Signatures, seed: int
 ) -> tuple[Fit, Array, list[tuple[float, float]], bool]:
     """The fit of a set with its sensitivities, draws of what the logs leave open of it, its intervals, and whether
-    there is some of what it names (:func:`bha.diagnosis.intervals.is_told`)."""
+    there is some of what it names (:func:`bha.diagnosis.intervals.is_there`)."""
     if not trial.candidates:
         draws = coordinate_draws(problem, trial.fit, seed)
         return trial.fit, draws, intervals(trial.fit, draws), True
     fit = with_sensitivities(problem, trial.fit)
     form = form_deviation(problem, fit, signatures, seed)
     draws = coordinate_draws(problem, fit, seed, form)
-    told = is_told(replace(trial, fit=fit), coordinate_draws(problem, fit, seed, form, between_logs=False))
-    return fit, draws, intervals(fit, draws), told
+    return fit, draws, intervals(fit, draws), is_there(problem, replace(trial, fit=fit), form, seed)
 
 
 def _completed(
