@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 _POINTS = 6
 #: Rows this near to a point of the grid are on it, in steps.
 _ON_GRID = 1e-6
+#: Parts of the first step that a graded start begins with.
+_PARTS = 2.0 ** -np.arange(6.0, -1.0, -1.0)
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,18 @@ def grid_of(rows: Array, step: float, *, start: float | None = None) -> Grid:
             if other != k:
                 weights[:, k] *= (local - nodes[other]) / (nodes[k] - nodes[other])
     return Grid(begin, np.asarray(begin + step * np.arange(count), dtype=np.float64), first, weights)
+
+
+def graded(grid: Grid, step: float) -> tuple[Array, NDArray[np.intp]]:
+    """Times of a grid with ever longer parts of its first step, s, and where the grid's own are among them.
+
+    Free rates at the start of a stiff arm die away within a part of a step, and leave it where they have brought it.
+    Long steps of an implicit method bring it elsewhere, and what follows is off for as long as the arm is slow.
+    """
+    time = np.union1d(grid.time, grid.start + step * _PARTS)
+    # Times that differ by rounding are one.
+    time = time[np.append(True, np.diff(time) > _ON_GRID * step)]
+    return time, np.searchsorted(time, grid.time - _ON_GRID * step)
 
 
 def averaged(drive: Input, step: float) -> Input:

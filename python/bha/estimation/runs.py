@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha import _core
-from bha.estimation.grid import Grid, averaged, grid_of
+from bha.estimation.grid import Grid, averaged, graded, grid_of
 from bha.estimation.records import Record
 from bha.recordings import Observation
 from bha.runs.input import Input
@@ -170,6 +170,8 @@ def _together(runs: Sequence[Run], step: float, method: Method, threads: int | N
         if run.stretch not in grids:
             grids[run.stretch] = run.grid(step)
     places = {key: k for k, key in enumerate(grids)}
+    # The implicit method is that of stiff arms.
+    ends = {key: graded(g, step) if method == "ros2" else (g.time, slice(len(g.time))) for key, g in grids.items()}
     arms = {id(run.arm): run.arm for run in runs if run.arm is not None}
     arm_at = {key: k for k, key in enumerate(arms)}
     driven = {id(drive): drive for drive in (run.drive or run.record.drive for run in runs)}
@@ -189,7 +191,7 @@ def _together(runs: Sequence[Run], step: float, method: Method, threads: int | N
     batch = run_members(
         list(arms.values()),
         [averaged(drive, step).in_core() for drive in driven.values()],
-        [grid.time for grid in grids.values()],
+        [time for time, _ in ends.values()],
         [(arm, drive, place) for arm, drive, place, _ in members],
         np.array(starts),
         np.stack(states),
@@ -205,9 +207,9 @@ def _together(runs: Sequence[Run], step: float, method: Method, threads: int | N
         alike.setdefault((id(run.observation), run.stretch), []).append(k)
     shown: list[Array] = [np.empty(0)] * len(runs)
     for (_, stretch), group in alike.items():
-        grid, rows = grids[stretch], [own[k] for k in group]
+        grid, rows, points = grids[stretch], [own[k] for k in group], ends[stretch][1]
         lengths, heads, turns = (
-            None if table is None else table[rows, : len(grid.time)]
+            None if table is None else table[rows][:, points]
             for table in (batch.lengths, batch.head_positions, batch.head_orientations)
         )
         assert lengths is not None
