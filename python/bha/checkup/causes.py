@@ -226,8 +226,9 @@ def _common_angle(found: Evidence, filed: Assignment, places: Sequence[tuple[str
     for group, i in places:
         key = (group, i, "bending")
         if key in found.informative:
-            drive = seen_drive(found.layout, filed, group)[0][i]
-            angle, share = direction(found.blocks[key], drive.conj() if mirrored else drive)
+            drives = seen_drive(found.layout, filed, group)[0]
+            drives = drives.conj() if mirrored else drives
+            angle, share = direction(found.blocks[key], drives[i], np.delete(drives, i, axis=0))
             total += share * np.exp(1j * angle)
     return float(np.angle(total)) if total else 0.0
 

@@ -172,10 +172,11 @@ def _turns(found: Evidence, filed: Assignment) -> Iterator[Turn]:
         if key[2] != "bending":
             continue
         block = found.blocks[key]
-        drive = seen_drive(found.layout, filed, key[0])[0][key[1]]
-        angle, share = direction(block, drive)
+        drives = seen_drive(found.layout, filed, key[0])[0]
+        drive, others = drives[key[1]], np.delete(drives, key[1], axis=0)
+        angle, share = direction(block, drive, others)
         judged = key in found.informative and balance(block, drive) >= LEAST_BALANCE
-        error = direction_error(block, drive) if judged else float("inf")
+        error = direction_error(block, drive, others) if judged else float("inf")
         yield Turn(key[0], key[1], angle, error, share, explained(block, drive), judged)
 
 

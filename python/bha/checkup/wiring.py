@@ -43,6 +43,9 @@ FEWEST_ROWS = 30
 LEAST_PRESSURE = 0.02
 #: Chambers that work against each other leave no bending to tell a direction from: least share of what they could do.
 LEAST_BALANCE = 0.25
+#: What is added to the power of each drive, where a motion is divided among those of all sections: drives that are the
+#: same, as of shared inputs, halve it.
+ALIKE_DRIVES = 1e-3
 
 
 @dataclass(frozen=True)
@@ -289,22 +292,35 @@ def explained(block: Moments, drive: Complex | Array) -> float:
     return min(1.0, max(along, 0.0) ** 2 / (power * yy)) if told else 0.0
 
 
-def direction(block: Moments, drive: Complex) -> tuple[float, float]:
-    """By which angle, rad, a motion is turned against ``drive``, and the share that it explains when so turned."""
+def direction(block: Moments, drive: Complex, others: Complex | None = None) -> tuple[float, float]:
+    """By which angle, rad, a motion is turned against ``drive``, and the share that it explains when so turned.
+
+    What a section does with ``others``, shape (k, J), the drives of other sections, is no turn of its own: weights and
+    springs carry it over, and in a short log the drives go together by chance.
+    """
     pp, yp, yy = block.total()
     power = float(np.real(drive.conj() @ pp @ drive))
     along = complex(np.vdot(drive, yp))
     told = power > float(np.sum(np.abs(drive) ** 2)) and yy > 0.0
-    return float(np.angle(along)), (min(1.0, abs(along) ** 2 / (power * yy)) if told else 0.0)
+    share = min(1.0, abs(along) ** 2 / (power * yy)) if told else 0.0
+    if told and others is not None:
+        # The own one first; those that did not move have no part in it.
+        table = np.stack([drive, *others])
+        normal, right = table.conj() @ pp @ table.T, table.conj() @ yp
+        size = np.sqrt(np.maximum(np.real(np.diag(normal)), 1e-300))
+        moved = np.real(np.diag(normal)) > np.sum(np.abs(table) ** 2, axis=1)
+        normal = (normal / np.outer(size, size))[np.ix_(moved, moved)] + ALIKE_DRIVES * np.eye(int(moved.sum()))
+        along = complex(np.linalg.solve(normal, (right / size)[moved])[0])
+    return float(np.angle(along)), share
 
 
-def direction_error(block: Moments, drive: Complex) -> float:
+def direction_error(block: Moments, drive: Complex, others: Complex | None = None) -> float:
     """Standard error of that angle, rad, by leaving out one piece of time after the other."""
     pieces = len(block.yy)
     if pieces < 3:
         return float("inf")
-    whole, _ = direction(block, drive)
-    off = [np.angle(np.exp(1j * (direction(block.without(k), drive)[0] - whole))) for k in range(pieces)]
+    whole, _ = direction(block, drive, others)
+    off = [np.angle(np.exp(1j * (direction(block.without(k), drive, others)[0] - whole))) for k in range(pieces)]
     return float(np.sqrt((pieces - 1) / pieces * np.sum(np.square(off))))
 
 
