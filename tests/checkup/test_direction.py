@@ -12,7 +12,7 @@ TURN = np.radians(20.0)
 
 
 def bending(turn: float, carried: float, seed: int = 0) -> tuple[Moments, np.ndarray, np.ndarray]:
-    """A section of three chambers that bends by its own and by ``carried`` times another's, in pieces of a short log."""
+    """A section of three chambers that bends by its own and by ``carried`` times another one's, in ten pieces."""
     random = np.random.default_rng(seed)
     around = np.exp(2j * np.pi * np.arange(3) / 3)
     own, other = np.r_[around, np.zeros(3)], np.r_[np.zeros(3), around]
