@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bha.diagnosis import describe
 from bha.diagnosis import instead as following
 from bha.diagnosis.decide import GapTest, Thresholds, decide
-from bha.diagnosis.describe import of_like_form
+from bha.diagnosis.describe import Rival, of_like_form
 from bha.diagnosis.holdout import Prediction
 from bha.diagnosis.rules import Rules
 from bha.diagnosis.search import Search
@@ -78,6 +79,24 @@ def test_held_out_logs_ask_more_of_it(second: bool, doubtful: dict[tuple[str, st
 def test_a_form_that_errs_rules_out_none_that_errs_a_little_more(inexact: bool, members: list[tuple[str, str]]) -> None:
     """Of 10 rows the gain leaves 10 beyond noise, the leak 14, the tilt 80."""
     problem: Any = SimpleNamespace(rows=10)
-    gain, others = trial(20.0, GAIN), [trial(24.0, LEAK), trial(90.0, TILT)]
+    gain, others = trial(20.0, GAIN), [Rival(trial(24.0, LEAK), 0, 0.0), Rival(trial(90.0, TILT), 0, 0.0)]
     search = Search(trial(100.0), gain, inexact=inexact)
-    assert [t.key[0] for t in of_like_form(search, problem, gain, others)] == members
+    assert [r.key for r in of_like_form(search, problem, gain, others)] == members
+
+
+def test_rivals_are_sets_with_another_effect_in_whatever_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An exchanged effect is the newest of its set: (gain, tilt) became (tilt, leak)."""
+    monkeypatch.setattr(describe, "bic", lambda t, *_: t.fit.squares)
+    final = trial(20.0, GAIN, TILT)
+    search = Search(trial(100.0), final)
+    search.trials = [
+        final,
+        trial(19.0, TILT, LEAK),
+        trial(25.0, TILT, GAIN),
+        trial(30.0, GAIN),
+        trial(21.0, LEAK, TILT),
+    ]
+    problem: Any = None
+    first, second = (describe._rivals(search, final, k, problem, 1.0) for k in (0, 1))
+    assert [(r.key, r.number, r.distance) for r in first] == [(LEAK, 1, -1.0)]
+    assert second == []

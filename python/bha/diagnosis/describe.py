@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -222,19 +223,19 @@ def _effects(
         # Refining a bank moves it to the end.
         place = chosen.key.index(candidate.key)
         rivals = _rivals(state, chosen, place, problem, correlation)
-        near = [t for t, distance in rivals if distance < ALIKE][:MOST_RIVALS]
-        untold = [t for t in near if told(problem, signatures, t, chosen) > TOLD]
-        untold += [t for t in of_like_form(state, problem, chosen, [t for t, _ in rivals]) if t not in untold]
-        alike = {t.key[place]: _alternative(t, place) for t in untold[:MOST_RIVALS]}
-        refitted = {t.key[place] for t, _ in rivals}
+        near = [r for r in rivals if r.distance < ALIKE][:MOST_RIVALS]
+        untold = [r for r in near if told(problem, signatures, r.trial, chosen) > TOLD]
+        untold += [r for r in of_like_form(state, problem, chosen, rivals) if r not in untold]
+        alike = {r.key: _alternative(r) for r in untold[:MOST_RIVALS]}
+        refitted = {r.key for r in rivals}
         for kind, where, _ in looks.alike(candidate.key, 0.98)[:5]:
             promised = best.get((kind, where))
             # What would help with the wrong sign only, or by more than arms have of it, is no member of the class.
             if (kind, where) not in refitted and (promised is None or promised.is_possible):
                 alike.setdefault((kind, where), _promised(promised, kind, where))
-        compared = [t for t, _ in rivals[:5]]
-        shares = confidences(problem, [chosen, *compared], seed) if rivals else np.ones(1)
-        in_class = [k for k, t in enumerate(compared, start=1) if t.key[place] in alike]
+        compared = rivals[:5]
+        shares = confidences(problem, [chosen, *(r.trial for r in compared)], seed) if rivals else np.ones(1)
+        in_class = [k for k, r in enumerate(compared, start=1) if r.key in alike]
         kinds = [candidate.kind, *dict.fromkeys(kind for kind, _ in alike)]
         result.append(
             Effect(
@@ -255,12 +256,12 @@ def _effects(
     return _gathered(result, final.fit.model.core)
 
 
-def of_like_form(state: Search, problem: Problem, chosen: Trial, rivals: Sequence[Trial]) -> list[Trial]:
+def of_like_form(state: Search, problem: Problem, chosen: Trial, rivals: Sequence[Rival]) -> list[Rival]:
     """Rivals that err hardly more than the chosen set does, where that has not the arm's form (:data:`FORM`)."""
     own = chosen.fit.squares - problem.rows
     if not state.inexact or own <= 0.0:
         return []
-    return [t for t in rivals if t.fit.squares - problem.rows <= FORM * own]
+    return [r for r in rivals if r.trial.fit.squares - problem.rows <= FORM * own]
 
 
 def _removed(state: Search, key: tuple[str, str], noise: float) -> float:
@@ -271,10 +272,11 @@ def _removed(state: Search, key: tuple[str, str], noise: float) -> float:
     return share_brought(state.plain.prediction, smaller.prediction, larger.prediction, noise)
 
 
-def _alternative(trial: Trial, number: int) -> Alternative:
+def _alternative(rival: Rival) -> Alternative:
     """An effect of a trial in place of a named one, with its numbers as they were refitted; without intervals."""
-    candidate, term = trial.candidates[number], trial.fit.model.effects[number]
-    values = term.elements([float(v) for v in trial.fit.x[trial.fit.model.place(number)]])
+    fit, number = rival.trial.fit, rival.number
+    candidate, term = rival.trial.candidates[number], fit.model.effects[number]
+    values = term.elements([float(v) for v in fit.x[fit.model.place(number)]])
     return _with_numbers(candidate.kind, candidate.where, together(values, candidate.plan.adding))
 
 
@@ -378,15 +380,37 @@ def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[s
     return result
 
 
-def _rivals(
-    state: Search, final: Trial, number: int, problem: Problem, correlation: float
-) -> list[tuple[Trial, float]]:
-    """Trials that differ from the final one in one effect only, with the distance of their criterion."""
+@dataclass(frozen=True)
+class Rival:
+    """A trial with another effect in the place of one of the final set's, the rest being the same in any order.
+
+    Attributes:
+        trial: the trial.
+        number: of that effect among its own.
+        distance: of its criterion from that of the final set.
+    """
+
+    trial: Trial
+    number: int
+    distance: float
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Kind and place of that effect."""
+        return self.trial.key[self.number]
+
+
+def _rivals(state: Search, final: Trial, number: int, problem: Problem, correlation: float) -> list[Rival]:
+    """Trials that differ from the final one in that effect only, the best first."""
     mine = bic(final, problem, correlation)
-    found: dict[tuple[tuple[str, str], ...], tuple[Trial, float]] = {}
+    rest = Counter(final.key[:number] + final.key[number + 1 :])
+    found: dict[tuple[str, str], Rival] = {}
     for trial in state.trials:
-        if len(trial.key) == len(final.key) and trial.key != final.key:
-            different = [k for k in range(len(final.key)) if trial.key[k] != final.key[k]]
-            if different == [number]:
-                found[trial.key] = (trial, bic(trial, problem, correlation) - mine)
-    return sorted(found.values(), key=lambda f: f[1])
+        more = Counter(trial.key) - rest
+        if len(trial.key) == len(final.key) and more.total() == 1 and (key := next(iter(more))) != final.key[number]:
+            # The newest of elements of one kind in one place is the one beyond the rest.
+            place = len(trial.key) - 1 - trial.key[::-1].index(key)
+            rival = Rival(trial, place, bic(trial, problem, correlation) - mine)
+            if key not in found or rival.distance < found[key].distance:
+                found[key] = rival
+    return sorted(found.values(), key=lambda r: r.distance)
