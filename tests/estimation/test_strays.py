@@ -58,6 +58,15 @@ def test_what_is_put_in_is_found_and_nothing_else() -> None:
     assert not np.any(strays(rec, np.full(rec.measured.shape, np.nan)))
 
 
+def test_noise_that_strays_have_made_hides_none() -> None:
+    """Ten of 240 readings of a channel: what is told of noise before a fit has them in it."""
+    put_in = {(17 + 22 * k, 0): 0.012 * (-1) ** k for k in range(10)}
+    rec = ten_hertz(put_in)
+    rec = rec.with_noise(np.array([2e-3, 3e-4, 3e-4]))
+    found = strays(rec, shown(ARM, rec))
+    assert {(int(row), int(c)) for row, c in np.argwhere(found)} == set(put_in)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -4,7 +4,8 @@ Where readings are dense a spike shows by its shape (:mod:`bha.recordings.sample
 be away and home again between two of them, and only a model that has been fitted says that it was not: what it leaves
 jumps at one reading of one channel and is home again. That is a stray reading where it jumps
 
-- by many times what residuals do nearby, and what the sensor's noise does;
+- by many times what residuals do nearby, and what the sensor's noise does (what is told of that before a fit counts
+  strays in: it is no more than what all but a tenth of the residuals say);
 - further than the arm goes, as the model has it, from the reading before to the one after: a model that errs in time,
   by a lag, a dead time or its damping, errs by no more than that;
 - in this channel alone, or while the arm stands, as the model has it: what acts on the arm moves others, too, and for
@@ -34,6 +35,8 @@ Mask = NDArray[np.bool_]
 _USUAL, _NOISES, _MOTIONS = 10.0, 10.0, 1.0
 #: Readings whose median tells what is usual.
 _NEARBY = 41
+#: Share of the readings that tell noise, and how far they reach in normal deviations.
+_SOUND, _REACH = 0.9, 1.645
 #: Part of that by which readings around it may differ and are home, and how many of the six may be away.
 _HOME, _AWAY = 0.3, 2
 #: What other channels may be off at that reading, by those nearby, and as a share of what this one is; more only where
@@ -97,7 +100,8 @@ def strays(record: Record, shown: Array) -> Mask:
         steps = np.pad(np.abs(np.diff(shown[rows, c])), 1, mode="edge")
         motion = steps[:-1] + steps[1:]
         stands[rows, c] = motion < _STANDS * off
-        least = np.maximum(np.maximum(_USUAL * usual, _NOISES * record.noise[c]), _MOTIONS * motion)
+        noise = min(float(record.noise[c]), float(np.quantile(off, _SOUND)) / _REACH)
+        least = np.maximum(np.maximum(_USUAL * usual, _NOISES * noise), _MOTIONS * motion)
         found[rows, c] = (off > least) & around.is_home
     moves = np.any((share > _OTHERS) & ~stands, axis=1)
     for c in range(share.shape[1]):
