@@ -43,7 +43,7 @@ _HOME, _AWAY = 0.3, 2
 #: the arm moves by no more than this part of what the reading is off.
 _OTHERS, _BESIDE, _STANDS = 6.0, 0.2, 0.25
 #: Fewest readings of a channel, and share of them that may be strays; more is how the sensor is.
-_FEWEST, _MOST = 40, 0.05
+_FEWEST, _MOST = 40, 0.1
 
 
 def without_strays(records: Sequence[Record], shown: Sequence[Array]) -> list[Record]:
