@@ -20,8 +20,8 @@ import bha
 
 Array = NDArray[np.float64]
 Form = Callable[[Array, float, Array], Array]
-#: Logs, with the inputs of either section that they drive.
-LOGS = {"jan10_right_1": ("11", "21"), "jan10_3_1": ("12", "22"), "jan10_both_1": ("11", "21")}
+#: Logs, with the tubes that they drive: of the first section (fed by p21 to p23, as `bha check` finds) and the second.
+LOGS = {"jan10_right_1": ("21", "11"), "jan10_3_1": ("22", "12"), "jan10_both_1": ("21", "11")}
 #: Distance of the rows, s; least range of a coordinate that counts, m.
 STEP, MOVES = 0.02, 8e-3
 

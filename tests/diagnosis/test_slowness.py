@@ -83,6 +83,11 @@ def test_two_stages_alike_are_one_class_with_their_common_time_and_what_splits_i
     assert times.across == pytest.approx(true.across, rel=0.1)
     assert times.along == pytest.approx(true.along, rel=0.1)
     assert "; lag of the pressures or damping (section 1: together " in headline(found)
+    # Beside a gap that nothing explains the class is what was found: it comes first, with its numbers.
+    lost = headline(found.model_copy(update={"verdict": "unexplained"}))
+    assert lost.startswith("Lag of the pressures or damping (section 1: together ")
+    assert "; as this fit divides it a lag of " in lost
+    assert lost.endswith("; beside it a gap that nothing known explains")
     assert "log the pressures in the chambers" in effect.experiment
     assert {"pressure_lag"} <= {effect.kind, *(other.kind for other in effect.one_of)}
     assert found.next_experiment is None

@@ -13,6 +13,7 @@ from bha.diagnosis.model import plain_model
 from bha.diagnosis.valves import (
     begun,
     coordinates_of,
+    drawn,
     found_valves,
     lags_of,
     starts_of,
@@ -145,3 +146,12 @@ def test_a_lag_of_two_stages_is_said_by_the_times_of_both() -> None:
     assert first["fill"].value == pytest.approx(0.1)
     assert first["fill"].ci95 == pytest.approx((0.0525, 0.1475), abs=1e-3)
     assert second["vent"].value == pytest.approx(0.2)
+
+
+def test_a_short_time_that_a_models_own_error_leaves_open_is_drawn_as_a_time() -> None:
+    """In logarithms a standard deviation of five would reach from nothing to the greatest time that is allowed."""
+    fill = coordinates_of(with_valves(one_section()).parameters)[0]
+    value = fill.coordinate(0.01)
+    told, open_ = np.array([-0.1, 0.0, 0.1]), np.array([-5.0, 0.0, 5.0])
+    assert drawn(fill, value, told) == pytest.approx(0.01 * np.exp(fill.scale * told))
+    assert drawn(fill, value, open_) == pytest.approx([fill.lower, 0.01, 0.01 * (1.0 + 5.0 * fill.scale)])

@@ -28,6 +28,7 @@ from bha.diagnosis.words import (
     errors_in_words,
     experiment_in_words,
     headline,
+    leads,
 )
 from bha.recordings import PressureSort
 
@@ -108,9 +109,11 @@ def _print(found: Diagnosis, out: Path) -> None:
         say(f"Out of time before: {found.unexamined}. The same command goes on. So far:")
     elif not found.complete:
         say("Interrupted: the search is not complete; the same command goes on. So far:")
-    say(f": {headline(found)}" if found.missing else f": {found.reason}", head=VERDICTS[found.verdict])
-    if not found.missing:
-        for text in commands_in_words(found):
+    if leads(found):
+        say(f": {found.reason}", head=headline(found))
+    else:
+        say(f": {headline(found)}" if found.missing else f": {found.reason}", head=VERDICTS[found.verdict])
+        for text in () if found.missing else commands_in_words(found):
             say(text)
     say(errors_in_words(found.gap, named=found.has_names))
     for text in found.setup:
@@ -119,7 +122,8 @@ def _print(found: Diagnosis, out: Path) -> None:
         numbers = ", ".join(_number(name, n) for name, n in effect.parameters.items())
         empirical = "; an empirical term, no cause" if effect.empirical else ""
         told = f": {numbers}" if numbers else ""
-        say(f"{effect.kind} at {effect.where}{told}; confidence {effect.confidence:.2f}{empirical}")
+        kinds = f"{effect.kind} or damping" if effect.slow and effect.kind == "pressure_lag" else effect.kind
+        say(f"{kinds} at {effect.where}{told}; confidence {effect.confidence:.2f}{empirical}")
         if alike := alike_in_words(effect):
             say(f"  {alike}")
     if found.residual_force is not None:

@@ -356,10 +356,22 @@ def effect_in_words(kind: str, where: str, numbers: Numbers) -> str:
 
 
 def headline(found: Diagnosis) -> str:
-    """The verdict in one line: what is named, in words, with the class where it is one; or the verdict's own name."""
+    """The verdict in one line: what is named, in words, with the class where it is one; or the verdict's own name.
+
+    A class of what commands pass through comes before a gap that nothing explains: it is what was found.
+    """
     sentences = [class_in_words(effect) for effect in found.missing] or [VERDICTS[found.verdict]]
-    text = "; ".join([*sentences, *commands_in_words(found)])
+    commands = commands_in_words(found)
+    if leads(found):
+        gap = VERDICTS[found.verdict]
+        sentences, commands = commands, [f"beside it {gap[0].lower()}{gap[1:]}"]
+    text = "; ".join([*sentences, *commands])
     return text[0].upper() + text[1:]
+
+
+def leads(found: Diagnosis) -> bool:
+    """Whether lag or damping, which the plain model holds, is all that was found: nothing explains what it leaves."""
+    return found.verdict == "unexplained" and not found.missing and any(effect.slow for effect in found.of_commands)
 
 
 def commands_in_words(found: Diagnosis) -> list[str]:
@@ -367,8 +379,6 @@ def commands_in_words(found: Diagnosis) -> list[str]:
     own = {effect.kind: effect for effect in found.of_commands}
     parts = []
     if lag := own.get("pressure_lag"):
-        if lag.slow:
-            return [slow_in_words(lag.slow)]
         fill, vent = (lag.parameters[name].value for name in ("fill", "vent"))
         alike = math.isclose(fill, vent, rel_tol=_ALIKE)
         parts.append(
@@ -378,6 +388,8 @@ def commands_in_words(found: Diagnosis) -> list[str]:
         )
     if late := own.get("delay"):
         parts.append(f"a dead time of {number(late.parameters['time'].value, 's')}")
+    if lag is not None and lag.slow:
+        return [f"{class_in_words(lag)}; as this fit divides it {' and '.join(parts)}"]
     return [f"commands reach the bellows through {' and '.join(parts)}"] if parts else []
 
 
