@@ -77,6 +77,9 @@ def test_logs_that_begin_elsewhere_ask_for_preloads() -> None:
     found = begin(guess, records, default_free_of(guess.parameters, records), whole=False, splits=True)
     assert "preload" in {effect.kind for effect in found.arm.parameters.effects}
     assert found.trial.spread < 1e-3
+    free = {f.path: f for f in found.free}
+    # Fabric pushes with less when it is longer.
+    assert {f.upper for path, f in free.items() if path.endswith(".by_length")} == {0.0}
 
 
 def test_a_log_that_begins_moving_tells_none() -> None:

@@ -86,7 +86,7 @@ def material_that_creeps(parameters: ArmParameters, free: Sequence[FreeParameter
     for number in range(1, len(parameters.sections) + 1):
         effects.append({"kind": AREA, "where": f"section {number}", "by_length": 0.0})
         slope = FreeParameter(f"effect.{len(effects)}.by_length", prior=prior, logarithmic=False, scale=BY_LENGTH)
-        more.append(replace(slope, lower=-3.0 * BY_LENGTH, upper=BY_LENGTH))
+        more.append(replace(slope, lower=-3.0 * BY_LENGTH, upper=0.0))
     left = [_plainly(f) for f in free if not holds_off(f if isinstance(f, str) else f.path)]
     said = (
         "logs begin at rest in other poses than their pressures say: what holds the arm there is told by each log's "
