@@ -47,7 +47,9 @@ YIELDS, SLIPS, SLIP_FACTORS, SLIP_DEVIATION = (0.03, 0.1), 0.5, (0.25, 1.0, 3.0)
 SETTLED = 0.3
 #: Least amplitude that is begun with, N.
 LEAST_AMPLITUDE = 1e-3
-#: Standard deviation of what an area changes by in itself for each metre of length: a seventh for a centimetre.
+#: Standard deviation of what an area changes by in itself for each metre of length: a seventh for a centimetre. What a
+#: fabric gains in length it loses in width: areas fall. One that grows pushes the more the longer it is, and beyond the
+#: pressures of the fit the arm has no rest.
 BY_LENGTH = 15.0
 
 
