@@ -93,7 +93,7 @@ class CameraFrame:
     def positions(self, positions: ArrayLike) -> Array:
         """Positions (..., 3), m, of the world in the camera's."""
         given = np.asarray(positions, dtype=np.float64)
-        return given if self.is_base else np.asarray((given - self.position) @ self.matrix)
+        return given if self.is_base else _rows_by(given - self.position, self.matrix)
 
     def base_positions(self, positions: ArrayLike) -> Array:
         """Positions (..., 3), m, of the camera's frame in the world."""
@@ -103,7 +103,7 @@ class CameraFrame:
     def orientations(self, quaternions: ArrayLike) -> Array:
         """Orientations (..., 4) of the world in the camera's; the sign is carried over."""
         given = np.asarray(quaternions, dtype=np.float64)
-        return given if self.is_base else np.asarray(given @ self.quaternion_map.T)
+        return given if self.is_base else _rows_by(given, self.quaternion_map.T)
 
     def base_orientations(self, quaternions: ArrayLike) -> Array:
         """Orientations (..., 4) of the camera's frame in the world; the sign is carried over."""
@@ -169,6 +169,11 @@ def quaternions_of(rotations: ArrayLike) -> Array:
     row = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
     first = np.take_along_axis(row, np.argmax(row != 0.0, axis=-1)[..., None], axis=-1)
     return np.asarray(np.where(first < 0.0, -row, row) / np.linalg.norm(row, axis=-1, keepdims=True) + 0.0)
+
+
+def _rows_by(table: Array, matrix: Array) -> Array:
+    """``table @ matrix`` as one product, shape (..., n): of a stack NumPy makes one for each of its tables."""
+    return np.asarray((table.reshape(-1, table.shape[-1]) @ matrix).reshape(table.shape))
 
 
 def _axis(signed: str) -> Array:

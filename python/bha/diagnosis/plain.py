@@ -29,7 +29,7 @@ from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.valves import DELAY, LAG, Start, at, begun, coordinates_of, starts_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
 from bha.estimation.asked import stands_elsewhere
-from bha.estimation.begin import begin
+from bha.estimation.begin import Begin, begin
 from bha.estimation.defaults import by_default
 from bha.estimation.free import apply, resolve
 from bha.estimation.preload import with_preloads
@@ -178,9 +178,12 @@ def fit_plain(
         return Plain(start, found, moved)
 
     def begun_anew() -> Plain | None:
+        nonlocal searched
         tell("looking for where to begin", None)
-        start = _begun(arm, train, threads)
-        if start is not None:
+        with suppress(BhaError):
+            lagging, free = by_default(arm, train)
+            searched = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
+        if searched is not None and (start := _begun(arm, searched)) is not None:
             with suppress(ConvergenceError):
                 return fitted(start, "begun", "where held poses and a search over dampings say")
         return None
@@ -195,12 +198,13 @@ def fit_plain(
         if (found.gap < MATERIAL and found.is_plausible) or held_off or faults or doubts:
             return found
         tell("identifying the plain arm", None)
-        if (start := _identified(arm, train, threads)) is not None:
+        if (start := _identified(arm, train, searched, threads)) is not None:
             with suppress(ConvergenceError):
                 other = fitted(start, "identified", "at what an identification of the logs finds", identified=True)
                 return other if other.gap < max(MATERIAL, found.gap / MATERIAL) else found
         return found
 
+    searched: Begin | None = None
     first: Plain | None = None
     second: Plain | None = None
     why: ConvergenceError | None = None
@@ -222,16 +226,14 @@ def fit_plain(
     return settled(min(fits, key=lambda fit: fit.left))
 
 
-def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
-    """The arm from which an identification of these logs would begin; None where that is the file's.
+def _begun(arm: Arm, found: Begin) -> Arm | None:
+    """The arm from which an identification would begin; None where that is the file's.
 
     Of commands without their lag and dead time, which are looked for anew from there.
     """
+    if found.from_file:
+        return None
     try:
-        lagging, free = by_default(arm, train)
-        found = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
-        if found.from_file:
-            return None
         parameters = found.arm.parameters
         coordinates = resolve(parameters, found.free)
         moved = _without_valves(apply(parameters, coordinates, np.zeros(len(coordinates))), arm.parameters)
@@ -240,11 +242,14 @@ def _begun(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None
         return None
 
 
-def _identified(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
-    """The arm that an identification of these logs finds, valves of commands included; None where it finds none."""
+def _identified(arm: Arm, train: Sequence[Record], searched: Begin | None, threads: int | None) -> Arm | None:
+    """The arm that an identification of these logs finds, valves of commands included; None where it finds none.
+
+    ``searched`` is where it begins if the file's values are not enough, where that is known.
+    """
     try:
         lagging, free = by_default(arm, train)
-        start = begin(lagging, train, free, whole=remembers(lagging, train), threads=threads)
+        start = begin(lagging, train, free, whole=remembers(lagging, train), known=searched, threads=threads)
         found = refine(start.arm, train, start.free, Settings(threads=threads, draws=0, prediction_error=False)).arm
         scaled = _at_the_files_scale(found.parameters, arm.parameters)
         return found.with_parameters(_with_free_areas(scaled, arm.parameters))

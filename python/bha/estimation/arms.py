@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -81,14 +81,15 @@ class Arms:
         moving = [tuple(c for c in own if not paths.is_of_sensors(c.path)) for own in acting]
         changed = [self.changed[case.condition] for case in self.cases]
         on_outputs = [tuple(c for c in own if any(map(paths.acts_on_outputs, c.members))) for own in acting]
+        preloads = preloads_of(self.parameters)
+        on_pose = [tuple(c for c in own if any(map(paths.acts_on_pose, c.members))) for own in acting]
+        places = {c: k for k, c in enumerate(self.coordinates)}
+        moving_at, outputs_at, pose_at = ([[places[c] for c in own] for own in k] for k in (moving, on_outputs, on_pose))
 
         @lru_cache(maxsize=256)
         def observation(case: int, values: tuple[float, ...]) -> Observation:
             parameters = with_values(changed[case], on_outputs[case], values)
             return Observation.of(parameters, self.cases[case].observation.outputs)
-
-        preloads = preloads_of(self.parameters)
-        on_pose = [tuple(c for c in own if any(map(paths.acts_on_pose, c.members))) for own in acting]
 
         @lru_cache(maxsize=256)
         def first(case: int, values: tuple[float, ...]) -> tuple[list[float], Array, Array] | None:
@@ -100,24 +101,34 @@ class Arms:
             radii = [section.bellows_radius for section in parameters.sections]
             return None if pose is None else (radii, pose, rec.resting.pressures)
 
+        @cache
+        def variants(case: int) -> Variants:
+            return _variants(changed[case], moving[case], self.cases[case].commanded, self.effects)
+
         @lru_cache(maxsize=1024)
-        def at(point: bytes, case: int) -> tuple[_core.Arm | None, Observation]:
-            z = np.frombuffer(point)
-            value = {c: c.value(float(x)) for c, x in zip(self.coordinates, z, strict=False)}
-            tables = tables_of(self.effects, self.split(z)[1])
+        def made(point: bytes, case: int) -> tuple[_core.Arm | None, Observation]:
+            plain, parts = self.split(np.frombuffer(point))
+            value = [c.value(float(x)) for c, x in zip(self.coordinates, plain, strict=True)]
+            tables = tables_of(self.effects, parts)
             try:
-                values = np.array([value[c] for c in moving[case]])
-                stands = first(case, tuple(value[c] for c in on_pose[case])) if preloads else None
-                commanded = self.cases[case].commanded
+                values = np.array([value[k] for k in moving_at[case]])
+                stands = first(case, tuple(value[k] for k in pose_at[case])) if preloads else None
                 if preloads is None or stands is None:
-                    own = _variants(changed[case], moving[case], commanded, self.effects)
-                    arm = own.arm(values, [table["parameters"] for table in tables])
+                    arm = variants(case).arm(values, [table["parameters"] for table in tables])
                 else:
                     told = (*moving[case], *preloads.coordinates)
+                    commanded = self.cases[case].commanded
                     arm = _held(changed[case], told, commanded, self.effects, values, tables, preloads, stands)
-                return arm, observation(case, tuple(value[c] for c in on_outputs[case]))
+                return arm, observation(case, tuple(value[k] for k in outputs_at[case]))
             except BhaError:
                 return None, self.cases[case].observation
+
+        # What first poses tell is each log's own; else logs that look alike at the arm share what is made.
+        looks = [(case.condition, case.commanded, case.observation.outputs) for case in self.cases]
+        like = [k if preloads else looks.index(look) for k, look in enumerate(looks)]
+
+        def at(point: bytes, case: int) -> tuple[_core.Arm | None, Observation]:
+            return made(point, like[case])
 
         return at
 

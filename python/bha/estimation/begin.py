@@ -100,6 +100,7 @@ def begin(
     whole: bool,
     splits: bool = False,
     enough: float = LITTLE,
+    known: Begin | None = None,
     threads: int | None = None,
     tell: Tell | None = None,
 ) -> Begin:
@@ -112,6 +113,7 @@ def begin(
         whole: whether simulations must run over whole logs, because pressures have a memory.
         splits: whether damping of bending may become a parameter of its own (:mod:`bha.estimation.apart`).
         enough: part of each channel's motion, beyond noise, that the file's own values may leave to be the start.
+        known: what the same came to with nothing that is enough, where it has been found already.
         threads: of the simulations.
         tell: called with what is being done and the fraction done.
 
@@ -128,6 +130,8 @@ def begin(
     own = trials(model, [file], whole=whole)[0]
     if own.share < enough:
         return Begin(arm, _started(coordinates, file), None, own, (), True)
+    if known is not None:
+        return known
     tell("held poses", 0.1)
     found = _searched(arm, free, model, whole=whole, splits=splits)
     if splits and found.statics is not None and stands_elsewhere(records):

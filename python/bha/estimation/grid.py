@@ -3,8 +3,8 @@
 Steps of an integrator end on every output. Outputs at the rows of a log would make the step as short as the sampling
 interval, and windows with irregular rows could not share the lanes of a batch. Each window is therefore simulated at
 multiples of the step after its start, and its rows are read off by polynomials of degree 5 through six grid points
-around each (exact on the grid, error about h^6 / 200 of the sixth derivative; choosing the step accounts for it). Where
-all rows are such multiples, these alone are put out.
+around each (exact on the grid, error about h^6 / 200 of the sixth derivative; choosing the step accounts for it). Only
+these points are put out; where all rows are such multiples, the rows alone.
 
 A step looks at the pressures at its ends and its middle only. Where a log has more samples than that, pressures are
 averaged over half a step first: left alone, every sample between would be lost and the noise of the others would count
@@ -31,7 +31,7 @@ _PARTS = 2.0 ** -np.arange(6.0, -1.0, -1.0)
 
 @dataclass(frozen=True)
 class Grid:
-    """Even times that cover some rows.
+    """Those of even times from which some rows follow.
 
     Attributes:
         start: where the grid begins, s.
@@ -71,7 +71,10 @@ def grid_of(rows: Array, step: float, *, start: float | None = None) -> Grid:
         for other in range(_POINTS):
             if other != k:
                 weights[:, k] *= (local - nodes[other]) / (nodes[k] - nodes[other])
-    return Grid(begin, np.asarray(begin + step * np.arange(count), dtype=np.float64), first, weights)
+    used = np.unique(first[:, None] + np.arange(_POINTS))
+    time = np.asarray(begin + step * used, dtype=np.float64)
+    # Six points that follow each other are all among those that are used.
+    return Grid(begin, time, np.searchsorted(used, first), weights)
 
 
 def graded(grid: Grid, step: float) -> tuple[Array, NDArray[np.intp]]:

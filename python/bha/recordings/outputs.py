@@ -164,11 +164,14 @@ class Observation:
         if self.needs_positions:
             assert positions is not None
             section, axis = self._places("position")
-            parts.append(self.camera.positions(positions)[..., section, axis])
+            # Of the heads that are seen alone, and as one table: a product of many small ones takes ten times as long.
+            heads, place = np.unique(section, return_inverse=True)
+            parts.append(self.camera.positions(positions[..., heads, :])[..., place, axis])
         if self.needs_orientations:
             assert orientations is not None
             section, component = self._places("orientation")
-            parts.append(self.camera.orientations(orientations)[..., section, component])
+            heads, place = np.unique(section, return_inverse=True)
+            parts.append(self.camera.orientations(orientations[..., heads, :])[..., place, component])
         return np.concatenate(parts, axis=-1) if len(parts) > 1 else np.asarray(parts[0])
 
     def at(self, arm: _core.Arm, q: Array) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@
 //! needs steps of 0.1 ms to follow a motion of seconds. (I - gamma h J) k = r needs J = df/dx, here by forward differences
 //! of the whole right-hand side, hidden states and chambers included: good to about 1e-6, which the methods tolerate
 //! (they are W-methods: of order 2 whatever stands for J), and cheap beside exact derivatives, which see neither
-//! (docs/decisions/0002-stiff-arms.md).
+//! (docs/decisions/0002-stiff-arms.md). For the same reason J may be kept over some steps ([`super::Integrator::keeping`]).
 //! Where x = (q, q') the rows of q are known: q' is q', so that half of J is left to find and elimination leaves one
 //! system of half the size, (I - g D - g^2 K) k = r + g K r_q with g = gamma h, K = df/dq and D = df/dq'.
 
@@ -15,6 +15,8 @@ use crate::real::Real;
 const STEP: f64 = 1e-7;
 /// Part of a step over which f's drift with time is taken, twice.
 const LATER: f64 = 5e-3;
+/// Evaluations of the right-hand side in [`Implicit::drift`].
+pub(super) const DRIFT_EVALUATIONS: u64 = 2;
 
 /// Jacobian and matrix I - gamma h J, factored; allocated once.
 #[derive(Clone, Debug)]
@@ -52,13 +54,12 @@ impl<T: Real> Implicit<T> {
 
     /// Evaluations of the right-hand side in [`Implicit::differentiate`].
     pub(super) fn evaluations(&self) -> u64 {
-        self.varied.len() as u64 + 2
+        self.varied.len() as u64
     }
 
-    /// Takes J and df/dt at (`t`, `x`), where [`Implicit::derivative`] holds f, for a step of length `h`. Without df/dt a stiff state
-    /// would follow its input by an error of first order in the step.
+    /// Takes J at (`t`, `x`), where [`Implicit::derivative`] holds f.
     #[inline(always)]
-    pub(super) fn differentiate<S: System<T>>(&mut self, system: &mut S, t: f64, x: &[T], h: f64) {
+    pub(super) fn differentiate<S: System<T>>(&mut self, system: &mut S, t: f64, x: &[T]) {
         let n = x.len();
         self.positions = if system.is_second_order() { n / 2 } else { 0 };
         let (p, inverse) = (self.positions, 1.0 / STEP);
@@ -70,14 +71,20 @@ impl<T: Real> Implicit<T> {
                 self.jacobian[j * n + i] = (self.other[i] - self.derivative[i]) * inverse;
             }
         }
+    }
+
+    /// Takes df/dt at (`t`, `x`) for a step of length `h`. Without it a stiff state would follow its input by an error of
+    /// first order in the step.
+    #[inline(always)]
+    pub(super) fn drift<S: System<T>>(&mut self, system: &mut S, t: f64, x: &[T], h: f64) {
         // (-3 f0 + 4 f1 - f2) / (2 later).
         let later = LATER * h;
         system.derivative(t + later, x, &mut self.other);
-        for i in 0..n {
+        for i in 0..x.len() {
             self.drift[i] = (self.other[i] * 4.0 - self.derivative[i] * 3.0) * (0.5 / later);
         }
         system.derivative(t + 2.0 * later, x, &mut self.other);
-        for i in 0..n {
+        for i in 0..x.len() {
             self.drift[i] -= self.other[i] * (0.5 / later);
         }
     }

@@ -5,7 +5,7 @@
 //! equal steps, at most `step` long, that end on every output and every break.
 
 use super::System;
-use super::implicit::Implicit;
+use super::implicit::{DRIFT_EVALUATIONS, Implicit};
 use super::options::{Options, Statistics};
 use super::tableau::Tableau;
 use crate::error::{Error, Result};
@@ -38,6 +38,9 @@ pub struct Integrator<T> {
     pub(super) sequence: Sequence,
     /// Evaluations times states at the last question whether to stop.
     asked: u64,
+    /// For how many further steps of a given length a Jacobian is kept, and the one there is still.
+    keeps: u32,
+    kept: u32,
 }
 
 /// Where the ends of an adaptive method's steps come from.
@@ -52,6 +55,10 @@ pub(super) enum Sequence {
     Given(Arc<Vec<f64>>, usize),
 }
 
+/// How long a Jacobian is kept, s, and for how many steps at least and at the most. Methods of this kind are of their order
+/// whatever stands for it; what a kept one changes is 0 to 20 % of the error of a step (docs/decisions/0024).
+const KEPT_TIME: f64 = 0.02;
+const KEPT_STEPS: (f64, f64) = (4.0, 8.0);
 /// Evaluations times states between two questions whether to stop: some milliseconds.
 const POLL: u64 = 100_000;
 
@@ -78,6 +85,8 @@ impl<T: Real> Integrator<T> {
             implicit: (tableau.gamma > 0.0).then(|| Implicit::new(x.len())),
             sequence: Sequence::Own,
             asked: 0,
+            keeps: 0,
+            kept: 0,
         }
     }
 
@@ -89,6 +98,14 @@ impl<T: Real> Integrator<T> {
     /// An adaptive method takes the steps that another run took, which then do not follow from its own error.
     pub fn following(self, ends: Arc<Vec<f64>>) -> Self {
         Self { sequence: Sequence::Given(ends, 0), ..self }
+    }
+
+    /// A linearly implicit method keeps its Jacobian over several steps of a given length, which must then follow each
+    /// other without a look at the state between them. Not for steps whose error is estimated: that of the Jacobian would
+    /// count.
+    pub fn keeping(self) -> Self {
+        let steps = (KEPT_TIME / self.options.step).clamp(KEPT_STEPS.0, KEPT_STEPS.1) as u32;
+        Self { keeps: if self.tableau.error.is_empty() { steps - 1 } else { 0 }, ..self }
     }
 
     /// The ends of the steps so far, if they are noted.
@@ -119,6 +136,7 @@ impl<T: Real> Integrator<T> {
     /// The same, to change it: the next step begins there.
     pub fn state_mut(&mut self) -> &mut [T] {
         self.fresh = false;
+        self.kept = 0;
         self.carry = false;
         &mut self.x
     }
@@ -191,8 +209,13 @@ impl<T: Real> Integrator<T> {
         if let Some(implicit) = &mut self.implicit {
             if !self.fresh {
                 system.derivative(self.t, &self.x, &mut implicit.derivative);
-                implicit.differentiate(system, self.t, &self.x, h);
-                self.statistics.evaluations += 1 + implicit.evaluations();
+                if self.kept == 0 {
+                    implicit.differentiate(system, self.t, &self.x);
+                    self.statistics.evaluations += implicit.evaluations();
+                }
+                self.kept = if self.kept == 0 { self.keeps } else { self.kept - 1 };
+                implicit.drift(system, self.t, &self.x, h);
+                self.statistics.evaluations += 1 + DRIFT_EVALUATIONS;
             }
             implicit.factor(tableau.gamma * h);
             self.k[0].copy_from_slice(&implicit.derivative);

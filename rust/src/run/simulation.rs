@@ -74,7 +74,7 @@ impl Simulation {
         let mut plant = plant.with_pneumatics(start, &x[..n]);
         let options = plant.suited(options);
         plant.begin(start, &x);
-        let integrator = Integrator::new(options, start, &x);
+        let integrator = Integrator::new(options, start, &x).keeping();
         Ok(Self { integrator, plant, input, options, start: (start, x), ws, cursor })
     }
 

@@ -98,7 +98,7 @@ fn run_in_lanes<'m, T: Real>(
     let plant = plant.with_pneumatics(start, &x0[..arm.coordinates()]);
     let options = plant.suited(batch.options);
     let system = Parking::new(plant, x0.clone(), members.iter().map(|(m, _)| m.start - start).collect());
-    let mut integrator = Integrator::new(options, start, &x0);
+    let mut integrator = Integrator::new(options, start, &x0).keeping();
     if let Some(steps) = sequences.of(batch, first, stop) {
         integrator = integrator.following(steps.from(start));
     }
