@@ -39,6 +39,7 @@ from bha.estimation.runs import Integration
 from bha.estimation.settings import Settings
 from bha.parameters import ArmParameters
 from bha.recordings.beginning import preloaded
+from bha.runs.options import Method
 
 if TYPE_CHECKING:
     from bha.checkup import Finding
@@ -54,6 +55,10 @@ IMPLAUSIBLE = 1e-3
 #: The same of an arm that stands elsewhere after each use: what it remembers is missing, too. It is what a fit in the
 #: wrong valley leaves at the least.
 LOST = 0.3
+#: Rows of an identification that is to find a start, s apart, and most steps of its last stage.
+START_INTERVAL, START_STEPS = 0.01, 15
+#: The method for stiff arms.
+STIFF: Method = "ros2"
 #: Numbers of a section that have the scale of its forces.
 FORCES = ("mass", "inertia", "stiffness", "damping", "bending_stiffness", "axial_stiffness", "terminal_area")
 
@@ -157,6 +162,7 @@ def fit_plain(
 
     # An arm that stands elsewhere after each use creeps: a data sheet's damping is off by orders of magnitude.
     held_off = bool(preloaded(arm.parameters)) and not (faults or doubts)
+    searched: list[Begin] = []
 
     def fitted(start: Arm, label: str, moved: str = "", *, identified: bool = False) -> Plain:
         starts = [Start({}, 1.0)] if identified else []
@@ -178,12 +184,9 @@ def fit_plain(
         return Plain(start, found, moved)
 
     def begun_anew() -> Plain | None:
-        nonlocal searched
         tell("looking for where to begin", None)
-        with suppress(BhaError):
-            lagging, free = by_default(arm, train)
-            searched = begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)
-        if searched is not None and (start := _begun(arm, searched)) is not None:
+        searched.extend(_searched(arm, train, threads))
+        if searched and (start := _begun(arm, searched[0])) is not None:
             with suppress(ConvergenceError):
                 return fitted(start, "begun", "where held poses and a search over dampings say")
         return None
@@ -198,13 +201,12 @@ def fit_plain(
         if (found.gap < MATERIAL and found.is_plausible) or held_off or faults or doubts:
             return found
         tell("identifying the plain arm", None)
-        if (start := _identified(arm, train, searched, threads)) is not None:
+        if (start := _identified(arm, train, searched, found.baseline.fit.model.integration)) is not None:
             with suppress(ConvergenceError):
                 other = fitted(start, "identified", "at what an identification of the logs finds", identified=True)
                 return other if other.gap < max(MATERIAL, found.gap / MATERIAL) else found
         return found
 
-    searched: Begin | None = None
     first: Plain | None = None
     second: Plain | None = None
     why: ConvergenceError | None = None
@@ -226,6 +228,14 @@ def fit_plain(
     return settled(min(fits, key=lambda fit: fit.left))
 
 
+def _searched(arm: Arm, train: Sequence[Record], threads: int | None) -> list[Begin]:
+    """Where an identification of these logs would begin if the file's values were not enough; none where it fails."""
+    with suppress(BhaError):
+        lagging, free = by_default(arm, train)
+        return [begin(lagging, train, free, whole=remembers(lagging, train), enough=0.0, threads=threads)]
+    return []
+
+
 def _begun(arm: Arm, found: Begin) -> Arm | None:
     """The arm from which an identification would begin; None where that is the file's.
 
@@ -242,15 +252,32 @@ def _begun(arm: Arm, found: Begin) -> Arm | None:
         return None
 
 
-def _identified(arm: Arm, train: Sequence[Record], searched: Begin | None, threads: int | None) -> Arm | None:
+def _identified(arm: Arm, train: Sequence[Record], searched: Sequence[Begin], how: Integration) -> Arm | None:
     """The arm that an identification of these logs finds, valves of commands included; None where it finds none.
 
-    ``searched`` is where it begins if the file's values are not enough, where that is known.
+    Args:
+        arm: the file's arm.
+        train: the logs.
+        searched: where it begins if the file's values are not enough, where that is known.
+        how: how the plain model is integrated that has been fitted from elsewhere. What is found here is a start: it is
+            fitted on at a step of its own.
     """
+    settings = Settings(
+        threads=how.threads, draws=0, prediction_error=False, interval=START_INTERVAL, max_iterations=START_STEPS
+    )
+    # An arm that is stiff may be none at the file's values; and the step is looked for where neither method runs.
+    ways = [replace(settings, step=how.step, method=method) for method in dict.fromkeys((how.method, STIFF))]
     try:
         lagging, free = by_default(arm, train)
-        start = begin(lagging, train, free, whole=remembers(lagging, train), known=searched, threads=threads)
-        found = refine(start.arm, train, start.free, Settings(threads=threads, draws=0, prediction_error=False)).arm
+        start = begin(
+            lagging, train, free, whole=remembers(lagging, train), known=next(iter(searched), None), threads=how.threads
+        )
+        for own in (*ways, settings):
+            with suppress(ConvergenceError):
+                found = refine(start.arm, train, start.free, own).arm
+                break
+        else:
+            return None
         scaled = _at_the_files_scale(found.parameters, arm.parameters)
         return found.with_parameters(_with_free_areas(scaled, arm.parameters))
     except BhaError:

@@ -84,7 +84,9 @@ class Arms:
         preloads = preloads_of(self.parameters)
         on_pose = [tuple(c for c in own if any(map(paths.acts_on_pose, c.members))) for own in acting]
         places = {c: k for k, c in enumerate(self.coordinates)}
-        moving_at, outputs_at, pose_at = ([[places[c] for c in own] for own in k] for k in (moving, on_outputs, on_pose))
+        moving_at, outputs_at, pose_at = (
+            [[places[c] for c in own] for own in each] for each in (moving, on_outputs, on_pose)
+        )
 
         @lru_cache(maxsize=256)
         def observation(case: int, values: tuple[float, ...]) -> Observation:

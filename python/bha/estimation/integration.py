@@ -29,7 +29,9 @@ STEPS = (0.02, 0.01, 0.005, 0.0025, 0.00125, 0.0006)
 _NOISE_SHARE = 0.1
 _RESIDUAL_SHARE = 0.01
 #: A classical step as long as this is not worth comparing with the implicit method, s.
-_GOOD_STEP = 2.5e-3
+_GOOD_STEP = 1e-2
+#: Steps over which the implicit method keeps its Jacobian, at the least.
+_KEPT = 4
 _WINDOWS = 4
 #: Rows at the start of a window do not count: part of it, and at most so long, s. An initial state that is free makes a
 #: layer there in an arm that is stiff, which no step resolves and which nothing but that state follows from.
@@ -83,9 +85,9 @@ def by(model: Model, *, method: Method | None = None, step: float | None = None)
     return replace(model, integration=replace(own, method=method or own.method, step=step or own.step))
 
 
-def evaluations(method: str, unknowns: int) -> int:
-    """Evaluations of the equations of motion a step costs."""
-    return 4 if method == "rk4" else 2 + unknowns
+def evaluations(method: str, unknowns: int) -> float:
+    """Evaluations of the equations of motion a step costs; of the implicit one two by time and a Jacobian's share."""
+    return 4.0 if method == "rk4" else 4.0 + unknowns / _KEPT
 
 
 def too_coarse(problem: Problem, point: Point) -> bool:

@@ -13,11 +13,17 @@ impl System<f64> for Stiff {
     }
 }
 
-fn end(rate: f64, step: f64) -> Vec<f64> {
-    let mut integrator =
-        Integrator::new(Options { method: Method::Ros2, step, ..Options::default() }, 0.0, &[0.0, 0.3, 0.0]);
+fn ros2(step: f64) -> Integrator<f64> {
+    Integrator::new(Options { method: Method::Ros2, step, ..Options::default() }, 0.0, &[0.0, 0.3, 0.0])
+}
+
+fn ended(mut integrator: Integrator<f64>, rate: f64) -> (Vec<f64>, u64) {
     integrator.run(&mut Stiff(rate), &[2.0], &mut |_, _| (), &mut || false).unwrap();
-    integrator.state().to_vec()
+    (integrator.state().to_vec(), integrator.statistics().evaluations)
+}
+
+fn end(rate: f64, step: f64) -> Vec<f64> {
+    ended(ros2(step), rate).0
 }
 
 #[test]
@@ -38,6 +44,22 @@ fn the_order_of_ros2_is_two() {
     };
     let ratio = error(0.04) / error(0.02);
     assert!((3.3..4.8).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn a_kept_jacobian_costs_less_and_no_order() {
+    let exact = end(10.0, 1e-4);
+    let error = |integrator| {
+        let (x, _) = ended(integrator, 10.0);
+        (0..3).map(|k| (x[k] - exact[k]).abs()).fold(0.0, f64::max)
+    };
+    let ratio = error(ros2(0.04).keeping()) / error(ros2(0.02).keeping());
+    assert!((3.3..4.8).contains(&ratio), "{ratio}");
+    assert!(error(ros2(0.02).keeping()) < 1.2 * error(ros2(0.02)));
+    let (kept, anew) = (ended(ros2(2.5e-3).keeping(), 1e6), ended(ros2(2.5e-3), 1e6));
+    // Of 8 steps one has 3 evaluations more than the 4 of all.
+    assert_eq!((kept.1, anew.1), (800 * 4 + 100 * 3, 800 * 7));
+    assert!((kept.0[0] - 2.0_f64.sin()).abs() < 1e-5);
 }
 
 /// Errors of Rodas4 in equal steps of `h` to 2 s: at the end, and the greatest halfway between steps.
