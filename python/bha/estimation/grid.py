@@ -3,8 +3,8 @@
 Steps of an integrator end on every output. Outputs at the rows of a log would make the step as short as the sampling
 interval, and windows with irregular rows could not share the lanes of a batch. Each window is therefore simulated at
 multiples of the step after its start, and its rows are read off by polynomials of degree 5 through six grid points
-around each (exact on the grid, error about h^6 / 200 of the sixth derivative; choosing the step accounts for it). Only
-these points are put out; where all rows are such multiples, the rows alone.
+around each (exact on the grid, error about h^6 / 200 of the sixth derivative; choosing the step accounts for it). Where
+all rows are such multiples, these alone are put out; where rows are far apart, the points around them alone.
 
 A step looks at the pressures at its ends and its middle only. Where a log has more samples than that, pressures are
 averaged over half a step first: left alone, every sample between would be lost and the noise of the others would count
@@ -25,6 +25,10 @@ Array = NDArray[np.float64]
 _POINTS = 6
 #: Rows this near to a point of the grid are on it, in steps.
 _ON_GRID = 1e-6
+#: Means that differ from a sample by this part are it.
+_HELD = 1e-9
+#: Share of the points up to which those that no row needs are left out: windows with the same points share lanes.
+_FEW = 0.5
 #: Parts of the first step that a graded start begins with.
 _PARTS = 2.0 ** -np.arange(6.0, -1.0, -1.0)
 
@@ -72,6 +76,8 @@ def grid_of(rows: Array, step: float, *, start: float | None = None) -> Grid:
             if other != k:
                 weights[:, k] *= (local - nodes[other]) / (nodes[k] - nodes[other])
     used = np.unique(first[:, None] + np.arange(_POINTS))
+    if len(used) > _FEW * count:
+        used = np.arange(count)
     time = np.asarray(begin + step * used, dtype=np.float64)
     # Six points that follow each other are all among those that are used.
     return Grid(begin, time, np.searchsorted(used, first), weights)
@@ -100,7 +106,10 @@ def averaged(drive: Input, step: float) -> Input:
     forces = None
     if drive.force_rows is not None:
         forces = _means(time, drive.force_rows, even, half).reshape(len(even), -1, 3)
-    pressures = _means(time, drive.pressures, even, half)
+    means = _means(time, drive.pressures, even, half)
+    # What is held stays the same number: where numbers differ by rounding an input bends, and steps end.
+    held = drive.pressures[np.clip(np.searchsorted(time, even, side="right") - 1, 0, len(time) - 1)]
+    pressures = np.where(np.abs(means - held) <= _HELD * np.abs(held), held, means)
     return replace(drive, time=even, pressures=pressures, forces=forces)
 
 
