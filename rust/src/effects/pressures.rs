@@ -15,8 +15,9 @@
 //! ([`PressureChain::behind_commands`]): exact from sample to sample, with no past to note.
 
 use super::kinds::pressure_lag::PressureLag;
+
 use super::upstream::Upstream;
-use super::{Effect, Effects};
+use super::{Effect, Effects, Entry};
 use crate::real::{Real, kernel};
 
 /// Longest piece where a stage follows a lag, s.
@@ -36,6 +37,8 @@ pub enum Sort {
 pub struct PressureChain<T> {
     /// Delay of each input, where there is one.
     delays: Vec<Option<T>>,
+    /// The delay of all inputs, where each effect that delays one delays all.
+    common: Option<T>,
     /// The lag of the chambers, where what comes in are commands.
     lag: Option<PressureLag<T>>,
     /// Longest piece, s.
@@ -104,8 +107,12 @@ impl<T: Real> PressureChain<T> {
         let first = 1 + usize::from(lag.is_some());
         let lags = usize::from(lag.is_some()) + stages.iter().filter(|k| list[**k].kind.remembers()).count();
         let values = vec![T::zero(); inputs * (stages.len() + first)];
+        let delayed = |e: &Entry<T>| (0..inputs).filter(|j| e.kind.input_delay(*j).is_some()).count();
+        let alike = list.iter().all(|e| [0, inputs].contains(&delayed(e)));
+        let common = delays.first().copied().flatten().filter(|_| alike);
         let mut chain = Self {
             delays,
+            common,
             lag,
             piece: if lags > 1 { PIECE } else { f64::INFINITY },
             stages,
@@ -142,6 +149,10 @@ impl<T: Real> PressureChain<T> {
         // A hair on the input's clock: that is where a simulation alone has it, too.
         let hair = ((t + self.clock).abs() + 1.0) * 1e-9;
         let inside = t.max(hair + self.start).min(-hair + self.end);
+        if let Some(delay) = self.common {
+            input.all_delayed(inside - delay, &mut self.next[..self.inputs]);
+            return;
+        }
         for j in 0..self.inputs {
             if let Some(delay) = self.delays[j] {
                 self.next[j] = input.delayed(inside - delay, j);

@@ -9,6 +9,13 @@ pub trait Upstream<T: Real> {
     fn read(&mut self, t: T, end: f64, out: &mut [T]);
     /// One at a time that may carry derivatives.
     fn delayed(&mut self, t: T, channel: usize) -> T;
+    /// All at such a time.
+    #[inline(always)]
+    fn all_delayed(&mut self, t: T, out: &mut [T]) {
+        for (channel, out) in out.iter_mut().enumerate() {
+            *out = self.delayed(t, channel);
+        }
+    }
     /// The first sample after `t`, where they bend.
     fn next_sample(&mut self, t: T) -> T;
     /// The first time after `t` at which one jumps, as far as known.

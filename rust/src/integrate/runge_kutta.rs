@@ -38,10 +38,10 @@ pub struct Integrator<T> {
     pub(super) sequence: Sequence,
     /// Evaluations times states at the last question whether to stop.
     asked: u64,
-    /// For how many further steps of a given length a Jacobian is kept, and the one there is still; the step it is of.
+    /// For how many further steps of a given length a Jacobian is kept, and the one there is still; when the run began.
     keeps: u32,
     kept: u32,
-    kept_from: f64,
+    t_first: f64,
 }
 
 /// Where the ends of an adaptive method's steps come from.
@@ -60,8 +60,8 @@ pub(super) enum Sequence {
 /// whatever stands for it; what a kept one changes is 0 to 20 % of the error of a step (docs/decisions/0024).
 const KEPT_TIME: f64 = 0.02;
 const KEPT_STEPS: (f64, f64) = (4.0, 8.0);
-/// How much longer a step may be than the one whose Jacobian it keeps.
-const KEPT_GROWTH: f64 = 1.5;
+/// Time from the start on until none is kept, s.
+const KEPT_AFTER: f64 = 0.1;
 /// Evaluations times states between two questions whether to stop: some milliseconds.
 const POLL: u64 = 100_000;
 
@@ -90,7 +90,7 @@ impl<T: Real> Integrator<T> {
             asked: 0,
             keeps: 0,
             kept: 0,
-            kept_from: 0.0,
+            t_first: t,
         }
     }
 
@@ -213,11 +213,11 @@ impl<T: Real> Integrator<T> {
         if let Some(implicit) = &mut self.implicit {
             if !self.fresh {
                 system.derivative(self.t, &self.x, &mut implicit.derivative);
-                // Where steps grow, the state has just left what made them short.
-                if self.kept == 0 || h > KEPT_GROWTH * self.kept_from {
+                if self.kept == 0 {
                     implicit.differentiate(system, self.t, &self.x);
                     self.statistics.evaluations += implicit.evaluations();
-                    (self.kept, self.kept_from) = (self.keeps, h);
+                    // What a run begins with dies away in an arm that is stiff, and its Jacobian changes meanwhile.
+                    self.kept = if self.t - self.t_first >= KEPT_AFTER { self.keeps } else { 0 };
                 } else {
                     self.kept -= 1;
                 }

@@ -57,8 +57,10 @@ fn a_kept_jacobian_costs_less_and_no_order() {
     assert!((3.3..4.8).contains(&ratio), "{ratio}");
     assert!(error(ros2(0.02).keeping()) < 1.2 * error(ros2(0.02)));
     let (kept, anew) = (ended(ros2(2.5e-3).keeping(), 1e6), ended(ros2(2.5e-3), 1e6));
-    // Of 8 steps one has 3 evaluations more than the 4 of all.
-    assert_eq!((kept.1, anew.1), (800 * 4 + 100 * 3, 800 * 7));
+    // All steps of the first 0.1 s and then one of 8 have 3 evaluations more than the 4 of all.
+    let (all, more) = (800 * 4, 40 + 760 / 8);
+    assert!((all + 3 * more..=all + 3 * (more + 2)).contains(&kept.1), "{}", kept.1);
+    assert_eq!(anew.1, 800 * 7);
     assert!((kept.0[0] - 2.0_f64.sin()).abs() < 1e-5);
 }
 

@@ -222,6 +222,16 @@ impl<T: Real> Upstream<T> for Drives<T> {
     }
 
     #[inline(always)]
+    fn all_delayed(&mut self, t: T, out: &mut [T]) {
+        if let [drive] = self.each.as_mut_slice() {
+            return drive.input.pressures_at(t + drive.offset, 0, out);
+        }
+        for (channel, out) in out.iter_mut().enumerate() {
+            *out = self.delayed(t, channel);
+        }
+    }
+
+    #[inline(always)]
     fn next_sample(&mut self, t: T) -> T {
         let t = each_lane(t);
         match self.each.as_mut_slice() {

@@ -215,25 +215,36 @@ impl Input {
         (a, self.pressures.get((k + 1) * n + channel).map_or(0.0, |b| b - a))
     }
 
-    /// Pressure `channel` at a time that may differ from lane to lane or carry derivatives: a sum over the pieces it may lie
-    /// in.
+    /// Pressures of channels from `first` on at a time that may differ from lane to lane or carry derivatives, into `out`: sums
+    /// over the pieces it may lie in.
     #[inline(always)]
-    pub fn pressure_at<T: Real>(&self, t: T, channel: usize) -> T {
+    pub fn pressures_at<T: Real>(&self, t: T, first: usize, out: &mut [T]) {
         let (low, high) = (t.smallest(), t.largest());
         let mut k = self.times.partition_point(|x| *x <= low).max(1) - 1;
-        let value = |k: usize| self.pressures[k * self.pressure_count + channel];
-        let mut out = T::from_f64(value(k));
+        let value = |k: usize, j: usize| self.pressures[k * self.pressure_count + first + j];
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = T::from_f64(value(k, j));
+        }
         while k + 1 < self.times.len() && self.times[k] <= high {
-            let (h, rise) = (self.times[k + 1] - self.times[k], value(k + 1) - value(k));
+            let h = self.times[k + 1] - self.times[k];
             let share = if self.interpolation == Interpolation::Hold || h == 0.0 {
                 T::select(t - self.times[k + 1], T::one(), T::zero())
             } else {
                 ((t - self.times[k]) * (1.0 / h)).max(T::zero()).min(T::one())
             };
-            out += share * rise;
+            for (j, out) in out.iter_mut().enumerate() {
+                *out += share * (value(k + 1, j) - value(k, j));
+            }
             k += 1;
         }
-        out
+    }
+
+    /// Of one channel.
+    #[inline(always)]
+    pub fn pressure_at<T: Real>(&self, t: T, channel: usize) -> T {
+        let mut out = [T::zero()];
+        self.pressures_at(t, channel, &mut out);
+        out[0]
     }
 
     /// The first sample after `t`, where an interpolated input bends; infinity after the last.
