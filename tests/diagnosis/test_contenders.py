@@ -8,7 +8,7 @@ from typing import Any
 
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
-from bha.diagnosis.contenders import asks_memory, memories, other_kinds, with_what_slips
+from bha.diagnosis.contenders import asks_memory, memories, other_kinds, with_laws, with_what_slips
 from bha.diagnosis.screen import Scored
 from bha.estimation.preload import with_preloads
 from bha.parameters import ArmParameters
@@ -41,6 +41,14 @@ def test_other_kinds_in_the_place_of_the_best_are_refitted_too() -> None:
     assert found == [ranking[3]]
     assert other_kinds(ranking, ranking[2].candidate, (), CORE, 4) == [ranking[2]]
     assert other_kinds(ranking, ranking[0].candidate, (), CORE, 2) == [ranking[0], ranking[3]]
+
+
+def test_another_law_is_always_tried() -> None:
+    """The plain numbers make up for most of a wrong law: its score says little, and it costs little to try."""
+    assert [kind for kind, plan in PLANS.items() if plan.is_a_law] == ["work_conjugate"]
+    ranking = [scored("creep", "bellows 12", 9.0), scored("work_conjugate", "all", 0.1)]
+    assert with_laws(ranking[:1], ranking) == ranking
+    assert with_laws(ranking, ranking) == ranking
 
 
 def test_an_arm_whose_logs_show_that_it_remembers_is_asked_the_form_of_its_memory_alone() -> None:

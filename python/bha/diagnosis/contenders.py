@@ -46,6 +46,8 @@ def contenders(
     least = max(0.5 * enough, rules.near * max((scored.score for scored in chosen), default=0.0))
     chosen = [scored for scored in chosen if scored.score > least]
     chosen = with_kin(chosen, ranking, taken)
+    if not taken:
+        chosen = with_laws(chosen, ranking)
     if given.problem.restarts:
         chosen = with_wider(chosen, ranking, taken)
         chosen = with_rivals(chosen, ranking, taken, rivals)
@@ -143,6 +145,13 @@ def with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequenc
             if kin not in [*taken, *(c.candidate.key for c in result)]:
                 result += [s for s in ranking if s.candidate.key == kin][:1]
     return result
+
+
+def with_laws(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> list[Scored]:
+    """``chosen`` with every law that may stand in the place of one of the arm's: the plain numbers make up for most of
+    it, so that their score, which is about these numbers, says little. They have none of their own, and are quick."""
+    known = {c.candidate.key for c in chosen}
+    return [*chosen, *(s for s in ranking if s.candidate.plan.is_a_law and s.candidate.key not in known)]
 
 
 def with_one_element(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> list[Scored]:

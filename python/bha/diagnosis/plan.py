@@ -104,6 +104,11 @@ class KindPlan:
     bank: tuple[Numbers, ...] = ()
     forward: bool = False
 
+    @property
+    def is_a_law(self) -> bool:
+        """Whether it is another law in the place of one of the arm's: there is all of it or none, and no number."""
+        return not (self.strengths or self.shapes or self.extra or self.probes)
+
     def is_plausible(self, strengths: Sequence[float], shape: Numbers) -> bool:
         """Whether an arm may have what probes promise: as its priors say, and as a fit would begin with it.
 

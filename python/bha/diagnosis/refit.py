@@ -7,6 +7,7 @@ err together count once.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,7 +28,9 @@ from bha.diagnosis.fit import (
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.memory import by_log, numbers_per_independent
+from bha.diagnosis.model import of_camera
 from bha.diagnosis.slowness import LAG, better_way
+from bha.diagnosis.valves import is_of_valves
 from bha.errors import ConvergenceError
 from bha.estimation.integration import resolved
 from bha.estimation.terms import EffectTerm, number_of
@@ -156,10 +159,16 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
         jacobian = np.concatenate([begin.jacobian, columns(problem, fit, range(old, model.size))], axis=1)
         fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=begin.state_jacobians))
     if not known:
-        try:
-            fit = to_its_end(problem, fit, tolerance=TOLERANCE if given.rules.thorough else COARSE_TOLERANCE)
-        except ConvergenceError:
+        tolerance = TOLERANCE if given.rules.thorough else COARSE_TOLERANCE
+        ends = []
+        with suppress(ConvergenceError):
+            ends.append(to_its_end(problem, fit, tolerance=tolerance))
+        if candidate.plan.is_a_law:
+            with suppress(ConvergenceError):
+                ends.append(to_its_end(problem, _as_filed(problem, fit), tolerance=tolerance))
+        if not ends:
             return None
+        fit = min(ends, key=lambda end: end.cost)
         store(problem, fit, name)
     acting, fit = without_idle(candidates, fit)
     return Trial(acting, fit, given.holdout)
@@ -184,6 +193,20 @@ def _gently(given: Given, fit: Fit, start: Trial, candidate: Candidate, strength
         if fewer.cost < fit.cost or not np.isfinite(fit.cost):
             fit = fewer
     return fit
+
+
+def _as_filed(problem: Problem, fit: Fit) -> Fit:
+    """The fit with the arm's numbers as its file has them; with its sensitivities.
+
+    Under another law the plain numbers need not make up for the wrong one any more, and are far from where they were.
+
+    Raises:
+        ConvergenceError: it diverges.
+    """
+    kept = [of_camera(c) or is_of_valves(c) for c in fit.model.plain]
+    x = np.where(kept, fit.x[: len(kept)], 0.0)
+    filed = evaluate(problem, fit.model, np.concatenate([x, fit.x[len(kept) :]]), fit.states, fit.trust)
+    return weighted(problem, with_sensitivities(problem, filed))
 
 
 def to_its_end(problem: Problem, fit: Fit, tolerance: float = TOLERANCE) -> Fit:
