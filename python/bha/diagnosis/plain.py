@@ -28,7 +28,7 @@ from bha.diagnosis.model import plain_model
 from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.valves import DELAY, LAG, Start, at, begun, coordinates_of, starts_of, with_valves
 from bha.errors import BhaError, ConvergenceError, InputError
-from bha.estimation.asked import stands_elsewhere
+from bha.estimation.asked import AREA, stands_elsewhere
 from bha.estimation.begin import Begin, begin
 from bha.estimation.defaults import by_default
 from bha.estimation.free import apply, resolve
@@ -36,9 +36,11 @@ from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
 from bha.estimation.refinement import refine, remembers
 from bha.estimation.runs import Integration
-from bha.estimation.settings import Settings
+from bha.estimation.settings import Settings, of_an_arm_that_creeps
 from bha.parameters import ArmParameters
+from bha.recordings.beginning import KIND as PRELOAD
 from bha.recordings.beginning import preloaded
+from bha.recordings.strained import KIND as MEMORY
 from bha.runs.options import Method
 
 if TYPE_CHECKING:
@@ -59,6 +61,8 @@ LOST = 0.3
 START_INTERVAL, START_STEPS = 0.01, 15
 #: The method for stiff arms.
 STIFF: Method = "ros2"
+#: Where the plain model of such an arm began under commands, for the notes.
+_OF_FABRIC = "at what an identification of the logs finds, with areas that change with length (effect effective_area)"
 #: Numbers of a section that have the scale of its forces.
 FORCES = ("mass", "inertia", "stiffness", "damping", "bending_stiffness", "axial_stiffness", "terminal_area")
 
@@ -183,13 +187,20 @@ def fit_plain(
         found = fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins, near=identified)
         return Plain(start, found, moved)
 
+    def from_start(start: Arm | None, label: str, moved: str, *, identified: bool = False) -> Plain | None:
+        with suppress(ConvergenceError):
+            return None if start is None else fitted(start, label, moved, identified=identified)
+        return None
+
     def begun_anew() -> Plain | None:
         tell("looking for where to begin", None)
         searched.extend(_searched(arm, train, threads))
-        if searched and (start := _begun(arm, searched[0])) is not None:
-            with suppress(ConvergenceError):
-                return fitted(start, "begun", "where held poses and a search over dampings say")
-        return None
+        start = _begun(arm, searched[0]) if searched else None
+        return from_start(start, "begun", "where held poses and a search over dampings say")
+
+    def of_fabric() -> Plain | None:
+        tell("identifying the arm", None)
+        return from_start(_of_fabric(arm, train, threads), "fabric", _OF_FABRIC, identified=True)
 
     def settled(found: Plain) -> Plain:
         """What was found, or where that leaves a gap the fit that an identification leads to, if that leaves less.
@@ -201,17 +212,16 @@ def fit_plain(
         if (found.gap < MATERIAL and found.is_plausible) or held_off or faults or doubts:
             return found
         tell("identifying the plain arm", None)
-        if (start := _identified(arm, train, searched, found.baseline.fit.model.integration)) is not None:
-            with suppress(ConvergenceError):
-                other = fitted(start, "identified", "at what an identification of the logs finds", identified=True)
-                return other if other.gap < max(MATERIAL, found.gap / MATERIAL) else found
-        return found
+        start = _identified(arm, train, searched, found.baseline.fit.model.integration)
+        other = from_start(start, "identified", "at what an identification of the logs finds", identified=True)
+        return other if other is not None and other.gap < max(MATERIAL, found.gap / MATERIAL) else found
 
     first: Plain | None = None
     second: Plain | None = None
     why: ConvergenceError | None = None
-    if held_off and (second := begun_anew()) is not None and second.left < LOST:
-        return second
+    for way in ((of_fabric, begun_anew) if commanded else (begun_anew,)) if held_off else ():
+        if (second := way()) is not None and second.left < LOST:
+            return second
     try:
         first = fitted(arm, "")
         if first.left < FOUND or faults or doubts:
@@ -282,6 +292,30 @@ def _identified(arm: Arm, train: Sequence[Record], searched: Sequence[Begin], ho
         return found.with_parameters(_with_free_areas(scaled, arm.parameters))
     except BhaError:
         return None
+
+
+def _of_fabric(arm: Arm, train: Sequence[Record], threads: int | None) -> Arm | None:
+    """The arm that an identification finds where an arm stands elsewhere after each use, without what slips in it.
+
+    Of such an arm areas fall with length, as those of fabric do: its poses flatten as pressure grows, which under
+    commands a model without passes for slow venting, by springs that no arm has. What slips is left to the search. None
+    for an arm whose file has such areas, or what slips, and where it is not found to be held by what first poses tell.
+    """
+    if any(effect.kind in (AREA, MEMORY) for effect in arm.parameters.effects):
+        return None
+    try:
+        lagging, free = by_default(_without(arm, PRELOAD), train)
+        start = begin(lagging, train, free, whole=remembers(lagging, train), splits=True, threads=threads)
+        settings = of_an_arm_that_creeps(Settings(threads=threads, draws=0, prediction_error=False))
+        found = _without(refine(start.arm, train, start.free, settings).arm, MEMORY)
+        moved = found.with_parameters(_with_free_areas(found.parameters, arm.parameters))
+        return moved if preloaded(moved.parameters) else None
+    except BhaError:
+        return None
+
+
+def _without(arm: Arm, kind: str) -> Arm:
+    return arm.with_effects([effect for effect in arm.parameters.effects if effect.kind != kind])
 
 
 def _at_the_files_scale(found: ArmParameters, file: ArmParameters) -> ArmParameters:

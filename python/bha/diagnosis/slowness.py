@@ -246,16 +246,19 @@ def _sections(times: Sequence[CommonTime]) -> list[SlowSection]:
 def _with_class(found: Diagnosis, slow: Sequence[Effect], times: Sequence[CommonTime]) -> Diagnosis:
     """The diagnosis with its slow effects as one class."""
     first = slow[0]
-    longest = max(max(time.across, time.along) for time in times)
+    # Each section has the lag of its inputs in its own time: what all have is no longer than the shortest of these.
+    having = [time for time in times if first.where in ("all", f"section {time.section}")] or times
+    longest = min(max(time.across, time.along) for time in having)
     members = [Alternative(kind=e.kind, where=e.where, parameters=e.parameters) for e in slow[1:]]
     if all(e.kind != LAG for e in slow):
         own = Number(value=longest, unit="s", ci95=(0.0, longest))
         members.insert(0, Alternative(kind=LAG, where="all", parameters={"fill": own, "vent": own}))
     parameters = dict(first.parameters)
     if first.kind == LAG:
-        # Anything up to the whole of the common time.
+        # Anything up to the whole of the common time, which the longer way has its part of.
+        mean = max(_lag([first])[0], 1e-9)
         parameters = {
-            name: n.model_copy(update={"ci95": (0.0, max(longest, n.value, *(n.ci95 or ())))})
+            name: n.model_copy(update={"ci95": (0.0, max(longest * max(1.0, n.value / mean), *(n.ci95 or (n.value,))))})
             for name, n in first.parameters.items()
         }
     update = {

@@ -17,7 +17,7 @@ from bha.estimation.lags import CommonTime, common_times
 from bha.estimation.records import Record
 from bha.estimation.refinement import refine, remembers
 from bha.estimation.scale import scale_of
-from bha.estimation.settings import Settings
+from bha.estimation.settings import Settings, of_an_arm_that_creeps
 from bha.estimation.strays import in_words
 from bha.identification.arranged import arranged, by_session
 from bha.identification.result import GAP, Identification, identification
@@ -25,10 +25,6 @@ from bha.identification.words import joined
 from bha.logs import Log
 from bha.recordings import PressureSort, Recording
 
-#: Rows of an arm that creeps, s, and deviations of its initial lengths, m, and rates, m/s.
-_CREEPING_INTERVAL, _CREEPING_STATES = 0.1, (1e-3, 5e-3)
-#: What its model leaves lasts for 1.6 s, sixteen rows.
-_LASTING = 4.0
 #: Most steps of each stage of a fit that begins a second time, from the file's values.
 _FEW_STEPS = 12
 #: Part of the progress that finding a start is.
@@ -108,7 +104,7 @@ def identify(
         tell=None if progress is None else lambda text, done: progress(text, _BEGIN_SHARE * done),
     )
     if settings.windows is None and start.creeps:
-        settings = _of_an_arm_that_creeps(settings)
+        settings = of_an_arm_that_creeps(settings)
     elif settings.windows is None and start.skips_short_windows:
         settings = replace(settings, windows=(None,) if remembers(lagging, used) else (6.0,))
     fit = refine(start.arm, used, start.free, settings, progress=None if progress is None else rest)
@@ -147,22 +143,6 @@ def _from_the_file(
     except (BhaError, KeyboardInterrupt):
         return None
     return None if fit.outcome.interrupted else identification(arm, fit, held)
-
-
-def _of_an_arm_that_creeps(settings: Settings) -> Settings:
-    """Whole logs, from where they begin: what its model lacks lasts for seconds and must not become initial states.
-
-    It is missed in all that is seen: no log and no channel is an outlier or a better one.
-    """
-    return replace(
-        settings,
-        windows=(None,),
-        huber=math.inf,
-        pooled=True,
-        interval=max(settings.interval, _CREEPING_INTERVAL),
-        lasting=max(settings.lasting, _LASTING),
-        state_deviation=settings.state_deviation or _CREEPING_STATES,
-    )
 
 
 def _notes(start: Begin, found: Identification, used: Sequence[Record]) -> list[str]:
