@@ -57,8 +57,9 @@ IMPLAUSIBLE = 1e-3
 #: The same of an arm that stands elsewhere after each use: what it remembers is missing, too. It is what a fit in the
 #: wrong valley leaves at the least.
 LOST = 0.3
-#: Rows of an identification that is to find a start, s apart, and most steps of its last stage.
-START_INTERVAL, START_STEPS = 0.01, 15
+#: Rows of an identification that is to find a start, s apart, and most steps of each of its stages: with 12 and 15 the
+#: fit from there leaves as much (docs/decisions/0024).
+START_INTERVAL, START_STEPS = 0.01, 8
 #: The method for stiff arms.
 STIFF: Method = "ros2"
 #: Where the plain model of such an arm began under commands, for the notes.
