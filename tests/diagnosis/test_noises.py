@@ -62,3 +62,16 @@ def test_colour_is_told_down_to_its_corner_where_nothing_else_is_left(time: floa
     found = sensors_of([log], [log], [np.zeros((ROWS, 3))], [[]])
     assert found[0].deviation == pytest.approx(4e-4, rel=0.15)
     assert found[0].time == pytest.approx(time, rel=0.3)
+
+
+@pytest.mark.parametrize("missing", [0.0, 1.5e-3])
+def test_what_a_model_lacks_is_no_colour(missing: float) -> None:
+    """Steps that are missed have a spectrum that falls, as colour has; but they are more than it would be."""
+    random = np.random.default_rng(3)
+    kept = np.exp(-STEP / 0.05)
+    noise = 4e-4 * lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], random.standard_normal((ROWS, 3)), axis=0)
+    steps = missing * np.sign(np.sin(np.arange(ROWS) / 90.0))[:, None] * np.ones(3)
+    log = record(np.asarray(noise + steps), 4e-4 * np.sqrt(1.0 - kept))
+    moving = log.driven_by(1.2e5 + 1e4 * np.sin(np.arange(ROWS) / 40.0)[:, None] * np.ones(3))
+    found = sensors_of([replace(log, drive=moving)], [log], [np.zeros((ROWS, 3))], [[]])
+    assert (found[0].share > 0.0) == (missing == 0.0)

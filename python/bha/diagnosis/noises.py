@@ -17,6 +17,7 @@ from scipy.fft import dct, idct
 from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.fit import Fit, Problem
+from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.smoothing import filtered
 from bha.estimation.alone import sensors_alone_from
 from bha.estimation.bands import (
@@ -107,11 +108,26 @@ def sensors_of(
         made = [[change[:, group] / white[group] for change in changes] for changes in disturbed]
         found = steady_noise(full, left, white[group])
         if found is None:
-            found = _coloured([error / white[group] for error in left], sample_time, thin, made)
+            own = [error / white[group] for error in left]
+            found = _coloured(own, sample_time, thin, made)
+            if found is not None and _is_of_the_model(found, own, made):
+                found = None
         if found is not None:
             for k in group:
                 result[k] = replace(found, deviation=float(white[k]) * found.deviation)
     return result
+
+
+def _is_of_the_model(noise: SensorNoise, left: Sequence[Array], made: Sequence[Sequence[Array]]) -> bool:
+    """Whether residuals are so much more than this noise and what pressures make that its colour is a slope of theirs.
+
+    What a model lacks is slow, and its spectrum falls as that of coloured noise does. Where there is none of it, all
+    that is left is noise.
+    """
+    squares = float(np.mean([np.mean(error**2) for error in left]))
+    of_pressures = [float(np.mean(change**2)) for changes in made for change in changes]
+    known = noise.deviation**2 + (float(np.mean(of_pressures)) if of_pressures else 0.0)
+    return squares > MATERIAL**2 * known
 
 
 def _coloured(
