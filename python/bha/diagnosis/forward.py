@@ -77,9 +77,12 @@ def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]
         own = chosen[k].candidate
         given.say(f"effect {number}: refitting {own.kind} at {own.where} ({k + 1} of {len(chosen)})")
 
-    refitted = abreast(
-        given.problem, lambda scored: added(given, current, scored.candidate, scored.strengths), chosen, say
-    )
+    def refit(scored: Scored) -> Trial | None:
+        # Beside effects the numbers do not make up for all that is missing any more.
+        promised = 0.0 if current.candidates else scored.score
+        return added(given, current, scored.candidate, scored.strengths, promised)
+
+    refitted = abreast(given.problem, refit, chosen, say)
     trials = by_criterion([trial for trial in refitted if trial is not None], given.problem)
     search.trials += trials
     near = _worth_refining(trials, current, rules.refined)

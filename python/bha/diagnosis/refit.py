@@ -47,6 +47,9 @@ COARSE_TOLERANCE = 2e-2
 #: Greatest step of a refit, in plausible distances: of numbers in which the outputs are smooth, and of the shapes of
 #: effects (a wall's place, a yield), where a far step ends in a valley beside.
 GREATEST_STEP, GREATEST_OF_SHAPES = 3.0, 1.0
+#: Share of what its score promises below which a refit is stuck where the plain numbers have made up for the effect: a
+#: damping of 5 deviations, of which a bending damping beside it is to take over a part (docs/decisions/0019).
+STUCK = 0.25
 #: Cost of a new effect's start over that without it from which it begins with less, and the shares that are tried.
 WORSE, LESS = 1.2, (0.3, 0.1, 0.03, 0.01, 0.003)
 
@@ -117,7 +120,9 @@ def store(problem: Problem, fit: Fit, name: str) -> None:
     problem.cache.put(name, x=fit.x, states=np.array(fit.states))
 
 
-def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[float]) -> Trial | None:
+def added(
+    given: Given, start: Trial, candidate: Candidate, strengths: Sequence[float], promised: float = 0.0
+) -> Trial | None:
     """``start`` refitted with one more effect; None if that diverges.
 
     Args:
@@ -125,6 +130,8 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
         start: the set to begin with, with its sensitivities.
         candidate: the effect that is new.
         strengths: its expected strengths.
+        promised: drop of the sum of squares by its score. Where a fit brings far less it is stuck, and begins once more
+            at the file's values.
     """
     problem, begin = given.problem, start.fit
     candidates = (*start.candidates, candidate)
@@ -163,7 +170,8 @@ def added(given: Given, start: Trial, candidate: Candidate, strengths: Sequence[
         ends = []
         with suppress(ConvergenceError):
             ends.append(to_its_end(problem, fit, tolerance=tolerance))
-        if candidate.plan.is_a_law:
+        stuck = not ends or begin.squares - ends[0].squares < STUCK * promised
+        if candidate.plan.is_a_law or stuck:
             with suppress(ConvergenceError):
                 ends.append(to_its_end(problem, _as_filed(problem, fit), tolerance=tolerance))
         if not ends:
@@ -198,7 +206,7 @@ def _gently(given: Given, fit: Fit, start: Trial, candidate: Candidate, strength
 def _as_filed(problem: Problem, fit: Fit) -> Fit:
     """The fit with the arm's numbers as its file has them; with its sensitivities.
 
-    Under another law the plain numbers need not make up for the wrong one any more, and are far from where they were.
+    Where the plain numbers need not make up for anything any more they are far from where they were.
 
     Raises:
         ConvergenceError: it diverges.
