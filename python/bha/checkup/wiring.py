@@ -292,7 +292,7 @@ def explained(block: Moments, drive: Complex | Array) -> float:
     return min(1.0, max(along, 0.0) ** 2 / (power * yy)) if told else 0.0
 
 
-def direction(block: Moments, drive: Complex, others: Complex | None = None) -> tuple[float, float]:
+def direction(block: Moments, drive: Complex, others: Complex) -> tuple[float, float]:
     """By which angle, rad, a motion is turned against ``drive``, and the share that it explains when so turned.
 
     What a section does with ``others``, shape (k, J), the drives of other sections, is no turn of its own: weights and
@@ -303,7 +303,7 @@ def direction(block: Moments, drive: Complex, others: Complex | None = None) -> 
     along = complex(np.vdot(drive, yp))
     told = power > float(np.sum(np.abs(drive) ** 2)) and yy > 0.0
     share = min(1.0, abs(along) ** 2 / (power * yy)) if told else 0.0
-    if told and others is not None:
+    if told:
         # The own one first; those that did not move have no part in it.
         table = np.stack([drive, *others])
         normal, right = table.conj() @ pp @ table.T, table.conj() @ yp
@@ -314,7 +314,7 @@ def direction(block: Moments, drive: Complex, others: Complex | None = None) -> 
     return float(np.angle(along)), share
 
 
-def direction_error(block: Moments, drive: Complex, others: Complex | None = None) -> float:
+def direction_error(block: Moments, drive: Complex, others: Complex) -> float:
     """Standard error of that angle, rad, by leaving out one piece of time after the other."""
     pieces = len(block.yy)
     if pieces < 3:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.baseline import Baseline, Prepared, preceded_in_motion
+from bha.diagnosis.baseline import Baseline, preceded_in_motion
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.decide import GapTest, Thresholds, gap_test
 from bha.diagnosis.fit import evaluate, whole_logs
@@ -145,17 +145,16 @@ def prepare(
         tell=say,
     )
     baseline = plain.baseline
-    model, x = baseline.fit.model, baseline.fit.x
-    holdout = _holdout(baseline, baseline.prepared, held)
-    sound = sound_records(held, holdout.problem.records, holdout.predict(model, x).outputs)
-    strays = [*held]
+    read = held
+    first = Trial((), baseline.fit, _holdout(baseline, held))
+    sound = sound_records(held, first.holdout.problem.records, first.prediction.outputs)
     if sound != held:
-        holdout = _holdout(baseline, baseline.prepared, sound)
+        first = Trial((), baseline.fit, _holdout(baseline, sound))
+    holdout = first.holdout
     held = [record.alone for record in holdout.readings.records]
-    first = Trial((), baseline.fit, holdout)
     floor, beyond = _held_out_noise(baseline, holdout, first.prediction, seed)
     notes = _of_logs(logs, holdout_logs, [*train, *held], commanded)
-    notes += filter(None, map(in_words, (*train, *strays), (*baseline.prepared.full, *held)))
+    notes += filter(None, map(in_words, (*train, *read), (*baseline.prepared.full, *held)))
     if scatter is not None and np.any(scatter > baseline.noise.sensor * APART):
         notes.append(
             f"logs that begin under the same pressures begin {1e3 * float(np.max(scatter)):.2g} mm apart (RMS): "
@@ -221,8 +220,8 @@ def _measured(records: Sequence[Record], arm: Arm) -> tuple[bool, bool]:
     return not all(lengths), any(lengths) and any(arm.parameters.measures_coordinates)
 
 
-def _holdout(baseline: Baseline, prepared: Prepared, held: Sequence[Record]) -> Holdout:
-    factor = max(1, round(prepared.records[0].sample_time / min(r.sample_time for r in held)))
+def _holdout(baseline: Baseline, held: Sequence[Record]) -> Holdout:
+    factor = max(1, round(baseline.prepared.records[0].sample_time / min(r.sample_time for r in held)))
     model = baseline.fit.model.on([thin(r, factor) for r in held])
     records = preceded_in_motion(model, baseline.fit.x)
     model = model.on(records)

@@ -108,10 +108,7 @@ def sensors_of(
         made = [[change[:, group] / white[group] for change in changes] for changes in disturbed]
         found = steady_noise(full, left, white[group])
         if found is None:
-            own = [error / white[group] for error in left]
-            found = _coloured(own, sample_time, thin, made)
-            if found is not None and _is_of_the_model(found, own, made):
-                found = None
+            found = _coloured([error / white[group] for error in left], sample_time, thin, made)
         if found is not None:
             for k in group:
                 result[k] = replace(found, deviation=float(white[k]) * found.deviation)
@@ -147,7 +144,7 @@ def _coloured(
             break
         found = _above(low, top, left, sample_time, thin, made)
         if found.share > 0.0:
-            return found
+            return None if _is_of_the_model(found, left, made) else found
     return None
 
 

@@ -154,13 +154,10 @@ def run(
     rules = replace(rules, most=1, thorough=False) if ground.remembers else rules
     course = replace(course, rules=rules, limits=tolerant(limits, tolerance, ground.noise))
     found = _searched(ground, course, kinds)
-    verdict = _decided(ground, course, found)
-    diagnosis, final = _described(ground, course, found, verdict)
+    decision, errors = _decided(ground, course, found)
+    diagnosis, final = _described(ground, course, found, decision, errors)
     if found.state.complete:
         ground.cache.clear()
-    diagnosis = diagnosis.model_copy(
-        update={"complete": found.state.complete, "seconds": round(course.seconds, 3)},
-    )
     return Investigation(
         arm=ground.plain.arm,
         diagnosis=diagnosis,
@@ -272,10 +269,10 @@ def _decided(ground: Ground, course: Course, found: Found) -> tuple[Decision, tu
 
 
 def _described(
-    ground: Ground, course: Course, found: Found, decided: tuple[Decision, tuple[float, float]]
+    ground: Ground, course: Course, found: Found, decision: Decision, errors: tuple[float, float]
 ) -> tuple[Diagnosis, Final]:
-    """The diagnosis as it is written, and the model that it describes."""
-    (decision, (before, after)), state = decided, found.state
+    """The diagnosis as it is written, and the model that it describes; ``errors`` are those of :func:`_decided`."""
+    state, (before, after) = found.state, errors
     baseline, prediction = ground.baseline, state.plain.prediction
     problem, fit, seed = baseline.problem, baseline.fit, course.seed
     course.say("locating the error")
@@ -313,6 +310,8 @@ def _described(
         "setup": [*(fault.in_a_line() for fault in faults), *ground.plain.said, *diagnosis.setup],
         "disturbed": found.gap.significant and verdict.verdict == "equivalent",
         "unexamined": state.unexamined,
+        "complete": state.complete,
+        "seconds": round(course.seconds, 3),
     }
     return diagnosis.model_copy(update=update), final
 

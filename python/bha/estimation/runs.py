@@ -171,7 +171,7 @@ def _together(runs: Sequence[Run], step: float, method: Method, threads: int | N
             grids[run.stretch] = run.grid(step)
     places = {key: k for k, key in enumerate(grids)}
     # The implicit method is that of stiff arms.
-    ends = {key: graded(g, step) if method == "ros2" else (g.time, slice(len(g.time))) for key, g in grids.items()}
+    ends = {key: graded(g, step) if method == "ros2" else (g.time, slice(None)) for key, g in grids.items()}
     arms = {id(run.arm): run.arm for run in runs if run.arm is not None}
     arm_at = {key: k for k, key in enumerate(arms)}
     driven = {id(drive): drive for drive in (run.drive or run.record.drive for run in runs)}
@@ -207,9 +207,9 @@ def _together(runs: Sequence[Run], step: float, method: Method, threads: int | N
         alike.setdefault((id(run.observation), run.stretch), []).append(k)
     shown: list[Array] = [np.empty(0)] * len(runs)
     for (_, stretch), group in alike.items():
-        grid, rows, points = grids[stretch], [own[k] for k in group], ends[stretch][1]
+        grid, rows, (time, points) = grids[stretch], [own[k] for k in group], ends[stretch]
         lengths, heads, turns = (
-            None if table is None else table[rows][:, points]
+            None if table is None else table[rows, : len(time)][:, points]
             for table in (batch.lengths, batch.head_positions, batch.head_orientations)
         )
         assert lengths is not None

@@ -6,7 +6,7 @@ heads are seen in the camera's frame, which the arm's file may shift and turn.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -144,6 +144,12 @@ class Observation:
             [o.number - 1 for o in own], dtype=np.intp
         )
 
+    def _seen(self, kind: Kind, heads: Array, by: Callable[[Array], Array]) -> Array:
+        """The channels of one kind, shape (..., C), out of all heads (..., n, k), of which the measured are turned."""
+        section, component = self._places(kind)
+        own, place = np.unique(section, return_inverse=True)
+        return np.asarray(by(heads[..., own, :])[..., place, component])
+
     def predicted(self, lengths: Array, positions: Array | None = None, orientations: Array | None = None) -> Array:
         """The channels, shape (..., C), out of what the core measures: coordinates and heads in the world.
 
@@ -163,15 +169,10 @@ class Observation:
             parts = [lengths[..., columns]]
         if self.needs_positions:
             assert positions is not None
-            section, axis = self._places("position")
-            # Of the heads that are seen alone, and as one table: a product of many small ones takes ten times as long.
-            heads, place = np.unique(section, return_inverse=True)
-            parts.append(self.camera.positions(positions[..., heads, :])[..., place, axis])
+            parts.append(self._seen("position", positions, self.camera.positions))
         if self.needs_orientations:
             assert orientations is not None
-            section, component = self._places("orientation")
-            heads, place = np.unique(section, return_inverse=True)
-            parts.append(self.camera.orientations(orientations[..., heads, :])[..., place, component])
+            parts.append(self._seen("orientation", orientations, self.camera.orientations))
         return np.concatenate(parts, axis=-1) if len(parts) > 1 else np.asarray(parts[0])
 
     def at(self, arm: _core.Arm, q: Array) -> tuple[Array, Array]:
