@@ -241,6 +241,13 @@ PLANS: tuple[KindPlan, ...] = (
     KindPlan(
         "torsion",
         SECTION,
+        (Strength("twist_per_length", 1.0, signed=True),),
+        parts="section",
+        needs_heads=True,
+    ),
+    KindPlan(
+        "torsion",
+        SECTION,
         (),
         parts="section",
         extra=(Shape("stiffness", (10.0,)),),

@@ -291,6 +291,9 @@ def _work_conjugate(place: Place, n: Numbers) -> str:
 
 
 def _torsion(place: Place, n: Numbers) -> str:
+    if "twist_per_length" in n:
+        turn = number(n["twist_per_length"], "rad")
+        return f"{section_of(place).verb('twists', 'twist')} by {turn} for each metre of stretch"
     return f"{section_of(place).verb('twists', 'twist')} under load, with {number(n['stiffness'], 'N m/rad')}"
 
 

@@ -217,8 +217,8 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
         length
     }
 
-    /// By how much a section twists about its head's z axis under the torque about it, rad.
-    fn twist(&self, _section: usize, _torque: T) -> Option<T> {
+    /// By how much a section twists about its head's z axis under the torque about it, N m, and stretched by so much, m; rad.
+    fn twist(&self, _section: usize, _torque: T, _stretch: T) -> Option<T> {
         None
     }
 }

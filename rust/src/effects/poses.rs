@@ -52,7 +52,7 @@ pub fn heads<T: Real>(body: &Body<T>, effects: &Effects<T>, links: &[Link<T>], m
     }
 }
 
-/// The angle by which section `i` twists under the weights it carries.
+/// The angle by which section `i` twists under the weights it carries, and at its length.
 fn twist<T: Real>(body: &Body<T>, effects: &Effects<T>, i: usize, links: &[Link<T>]) -> T {
     let mut torque = T::zero();
     let axis = links[i].rotation.column(2);
@@ -65,7 +65,10 @@ fn twist<T: Real>(body: &Body<T>, effects: &Effects<T>, i: usize, links: &[Link<
             add(mass.mass, &mass_link(body, links, k, mass, Motion::Pose));
         }
     }
-    effects.list.iter().filter_map(|e| e.kind.twist(i, torque)).fold(T::zero(), |sum, a| sum + a)
+    let bellows = &body.sections[i].bellows;
+    let rest = bellows.iter().fold(T::zero(), |sum, b| sum + b.rest_length) / T::from_f64(bellows.len() as f64);
+    let stretch = links[i].arc.z() - rest;
+    effects.list.iter().filter_map(|e| e.kind.twist(i, torque, stretch)).fold(T::zero(), |sum, a| sum + a)
 }
 
 /// Rotation about z by a small angle, orthogonal to rounding: Cayley's form, exact to third order.

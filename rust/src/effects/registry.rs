@@ -83,7 +83,7 @@ macro_rules! dispatch {
             see(section: usize, head: &mut Pose<T>);
             shapes_lengths() -> bool;
             measure(coordinate: usize, length: T) -> T;
-            twist(section: usize, torque: T) -> Option<T>;
+            twist(section: usize, torque: T, stretch: T) -> Option<T>;
         }
     };
 }

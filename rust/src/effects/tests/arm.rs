@@ -244,6 +244,12 @@ fn poses_see_twist() {
         turned.z(),
     ]));
     assert!(close(&(twisted[2].position - twisted[1].position).0, &turned.0, 1e-4));
+    // Wound bellows: the head turns with the section's length beyond rest, what it carries with it.
+    let (_, wound) = positions(&[effect("torsion", "section 1", &[("twist_per_length", 0.7)])]);
+    let rest = arm.body.sections[0].bellows.iter().map(|b| b.rest_length).sum::<f64>() / 3.0;
+    let (sin, cos) = (0.7 * (q[..3].iter().sum::<f64>() / 3.0 - rest)).sin_cos();
+    let column = links[0].rotation.column(0) * cos + links[0].rotation.column(1) * sin;
+    assert!(close(&wound[0].rotation.column(0).0, &column.0, 1e-4) && sin.abs() > 1e-3);
 }
 
 /// Curvature that falls along the section, integrated here along the curve: orientations stay, heads move, and what moves
