@@ -64,7 +64,7 @@ def test_where_the_file_leads_nowhere_it_is_said_by_what_logs_and_file_do_not_be
     monkeypatch.setattr(plain, "_begun", lambda *_: pytest.fail("a start was looked for"))
     finding = Finding("fault" if sure else "warning", "gravity", "all logs", "it rests reversed", "", {}, ())
     with pytest.raises(InputError, match=r"do not belong together: it rests reversed.*diverges"):
-        plain.fit_plain(
+        plain.PlainFits(
             arm_of(TRUE),
             [],
             commanded=False,
@@ -76,4 +76,4 @@ def test_where_the_file_leads_nowhere_it_is_said_by_what_logs_and_file_do_not_be
             cache=plain.Cache(None, ""),
             scatter=None,
             tell=lambda *_: None,
-        )
+        ).best()

@@ -47,6 +47,15 @@ def test_noise_free_commands_in_steps_stay_as_they_are() -> None:
     np.testing.assert_array_equal(same.drive.pressures, steps)
 
 
+def test_rows_are_cut_to_those_of_a_log_whose_past_is_known() -> None:
+    time = np.arange(200) * 5e-3
+    whole = record_of(time, np.full((200, 3), 0.2), np.full((200, 3), 2e5))
+    thinned = preparation.thin(whole, 2).preceded_by(np.full(3, 1.5e5), 0.1)
+    kept = preparation.cut_to(whole, thinned)
+    assert kept.time[0] == pytest.approx(thinned.time[0])
+    assert kept.time[-1] == pytest.approx(thinned.time[-1])
+
+
 def test_one_tangent_stiffness_changes_and_the_others_stay() -> None:
     plain = model.plain_model(one_section())
     number = [c.name for c in plain.coordinates].index("section 1 tangent stiffness at +80 mm")

@@ -13,7 +13,8 @@ from bha.diagnosis.candidate import Candidate, core_ranges
 from bha.diagnosis.catalogue import available
 from bha.diagnosis.model import plain_model
 from bha.diagnosis.result import Alternative
-from bha.diagnosis.slowness import divided, lag_of, lag_or_damping, relaxation
+from bha.diagnosis.slowness import divided, lag_of, lag_or_damping, plain_divisions, relaxation
+from bha.diagnosis.valves import coordinates_of, lags_of, with_valves
 from bha.estimation.lags import common_with
 from bha.estimation.records import record
 
@@ -101,6 +102,26 @@ def test_stages_are_divided_otherwise_at_the_same_common_time() -> None:
     model = plain_model(arm)
     assert relaxation(model, np.zeros(model.size), (1,)) == pytest.approx(0.2, rel=0.35)  # its springs stiffen
     assert divided(model, np.zeros(model.size), 0.5, 0.1) is None
+
+
+def test_what_is_slow_under_commands_is_divided_the_other_ways() -> None:
+    arm = with_valves(slow_arm(0.2))
+    model = plain_model(arm, more=coordinates_of(arm.parameters))
+    fill, vent = lags_of(model)
+    damping = next(k for k, c in enumerate(model.plain) if c.path == "section.1.damping")
+    x = np.zeros(model.size)
+    for k, time in ((fill, 0.05), (vent, 0.07)):
+        x[k] = model.plain[k].coordinate(time)
+    x[damping] = model.plain[damping].coordinate(5.0 * model.plain[damping].start)
+    was = relaxation(model, x, (1,))
+    filed, short = plain_divisions(model, x)
+    assert filed[damping] == 0.0
+    for k, time in ((fill, 0.05), (vent, 0.07)):
+        assert model.plain[k].value(float(filed[k])) == pytest.approx(time + 0.8 * was)
+        assert model.plain[k].value(float(short[k])) == model.plain[k].lower
+    assert relaxation(model, short, (1,)) == pytest.approx(was + 0.06)
+    still = plain_model(slow_arm(0.2))
+    assert plain_divisions(still, np.zeros(still.size)) == []
 
 
 def test_a_lag_of_one_section_is_exchanged_with_the_damping_of_that_section_alone() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,6 +100,32 @@ def test_a_log_of_commands_counts_from_where_the_arm_rests() -> None:
     assert from_rest(resting) is resting
     never = commanded(np.sin(time), np.full(len(time), 1e5))
     assert from_rest(never) is never
+
+
+def test_guesses_are_off_by_factors_and_drawings_by_a_tenth() -> None:
+    """A section that states one number of its springs states guesses; areas are free unless the file says otherwise."""
+    mapping = one_section().parameters.to_mapping()
+    section = mapping["section"][0]
+
+    def spreads(**changes: Any) -> dict[str, float]:
+        arm = bha.Arm(ArmParameters.from_mapping(mapping | {"section": [section | changes]}))
+        return {
+            c.path.removeprefix("section.1."): c.prior_deviation / c.start for c in plain_model(arm).plain if c.start
+        }
+
+    drawn, guessed = spreads(), spreads(stiffness=[1200.0])
+    assert [drawn[k] for k in ("damping", "tangent_stiffness.1", "terminal_area")] == pytest.approx([0.6, 0.3, 0.1])
+    factor = np.log(3.0)
+    assert [guessed[k] for k in ("damping", "tangent_stiffness.1", "terminal_area")] == pytest.approx([factor] * 3)
+    assert guessed["bending_stiffness.1"] > 4.0 * drawn["bending_stiffness.1"]
+    assert guessed["mass"] == drawn["mass"] == pytest.approx(0.15)
+    known = spreads(stiffness=[1200.0], provenance={"stiffness": "measured", "terminal_area": "measured"})
+    assert known["tangent_stiffness.1"] == pytest.approx(0.3)
+    assert "terminal_area" not in known
+    made = spreads(stiffness=[1200.0], provenance={"stiffness": "assumed", "terminal_area": "assumed"})
+    assert made["tangent_stiffness.1"] == made["terminal_area"] == pytest.approx(factor)
+    assumed = spreads(provenance={"terminal_area": "assumed"})
+    assert assumed["terminal_area"] == pytest.approx(0.2)
 
 
 def test_bellows_with_rest_lengths_of_their_own_keep_them() -> None:

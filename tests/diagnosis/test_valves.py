@@ -29,6 +29,16 @@ LAG, LATE = {"fill": 0.2, "vent": 0.3}, 0.06
 VALVES = [{"kind": "pressure_lag", "where": "all", **LAG}, {"kind": "delay", "where": "all", "time": LATE}]
 
 
+def test_a_dead_time_is_differenced_by_as_much_as_an_integrator_resolves() -> None:
+    arm = with_valves(one_section())
+    model = plain_model(arm, more=coordinates_of(arm.parameters))
+    dead = next(k for k, c in enumerate(model.plain) if c.path.endswith(".time"))
+    _, moved, step = model._moved(dead, np.zeros(model.size))
+    assert step > 0.0
+    assert model.plain[dead].value(float(moved[dead])) - model.plain[dead].value(0.0) == pytest.approx(1e-3)
+    assert model._moved(0, np.zeros(model.size))[2] == model.differences.parameter
+
+
 def commanded_log(arm: bha.Arm, seed: int, noise: float = 2e-4) -> bha.Log:
     """Held commands that an arm's effects pass on, and its lengths."""
     rng, time = np.random.default_rng([11, seed]), np.arange(601) * 0.02

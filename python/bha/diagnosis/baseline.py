@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from bha.diagnosis.cache import Cache
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve, problem_of, weighted, whole_logs, with_sensitivities
-from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera
+from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera, of_sensors
 from bha.diagnosis.noises import Bound, bound_of, disturbed_outputs, mean_white_square, sensors_of
 from bha.diagnosis.preparation import begins_at_rest, cut_to, sound_records, thin
+from bha.diagnosis.rules import MATERIAL
+from bha.diagnosis.slowness import plain_divisions
 from bha.diagnosis.valves import is_of_valves, through, without_valves
 from bha.errors import ConvergenceError, InputError
 from bha.estimation.bands import (
@@ -251,8 +253,8 @@ def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel) -> tuple[Ar
         return fit.x, list(fit.states)
     found = dict(zip((c.name for c in model.plain), fit.x, strict=True))
     x = np.array([found.get(c.name, 0.0) for c in every.plain])
-    # Heads tell another pose by another camera.
-    seen = any(of_camera(c) for c in every.plain)
+    # By another camera, and other wires, outputs tell another pose.
+    seen = any(of_sensors(c) for c in every.plain)
     return x, list(every.guesses(x, whole) if seen else prepared.states)
 
 
@@ -360,6 +362,21 @@ def _to_its_end(problem: Problem, fit: Fit) -> Fit:
     return fit
 
 
+def _otherwise_slow(problem: Problem, fit: Fit) -> Fit:
+    """The fit, or where it ends lower one from a lag and dampings that divide what is slow under commands otherwise.
+
+    Of a fit that leaves a gap: the other valley may have none (docs/decisions/0017).
+    """
+    best = fit
+    for x in plain_divisions(fit.model, fit.x):
+        start = evaluate(problem, fit.model, x, fit.states)
+        if np.isfinite(start.cost):
+            with suppress(ConvergenceError):
+                other = improve(problem, start, iterations=12, tolerance=0.01, renewals=4, limit=FAR)
+                best = min(best, other, key=lambda own: own.cost)
+    return fit if best is fit else _to_its_end(problem, with_sensitivities(problem, best))
+
+
 def fit_baseline(
     model: Model,
     prepared: Prepared,
@@ -430,6 +447,8 @@ def fit_baseline(
             break
         bound = replace(bound, factors=np.minimum(bound.factors, before.factors))
     fit = _to_its_end(problem, with_sensitivities(problem, fit))
+    if not near and problem.misfit(fit) > MATERIAL:
+        fit = _otherwise_slow(problem, fit)
     if stiff and not starts:
         problem = replace(problem, restarts=(with_damping(model, fit.x, max(STIFF_DAMPINGS)),))
     shaken = mean_white_square(problem, made)

@@ -22,7 +22,7 @@ from bha.diagnosis.decide import GapTest, Thresholds, gap_test
 from bha.diagnosis.fit import evaluate, whole_logs
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.noises import disturbed_outputs, mean_white_square
-from bha.diagnosis.plain import FOUND, Plain, fit_plain, remembering
+from bha.diagnosis.plain import FOUND, Plain, PlainFits, remembering
 from bha.diagnosis.preparation import (
     cut_to,
     from_rest,
@@ -130,7 +130,7 @@ def prepare(
     cache = Cache(cache_folder, key_of(inputs, [*train, *held], (commanded, heads, seed, rules, kinds)))
     arm = remembering(arm, train)
     scatter = None if preloaded(arm.parameters) else start_scatter([*train, *held])
-    plain = fit_plain(
+    plain = PlainFits(
         arm,
         train,
         commanded=commanded,
@@ -143,7 +143,7 @@ def prepare(
         cache=cache,
         scatter=scatter,
         tell=say,
-    )
+    ).best()
     baseline = plain.baseline
     read = held
     first = Trial((), baseline.fit, _holdout(baseline, held))

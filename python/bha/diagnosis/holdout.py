@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.fit import Fit, Problem, state_columns
-from bha.diagnosis.model import of_camera
+from bha.diagnosis.model import of_sensors
 from bha.diagnosis.where import block_edges
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
@@ -140,11 +140,12 @@ class Holdout:
         return tuple(map(at_the_mean, self.problem.records, outputs, until)) if self.about_means else outputs
 
     def _begin(self, model: Model, x: Array) -> Sequence[Array]:
-        """Guesses of the initial states; as the model's camera sees them where that is free: another has another pose.
+        """Guesses of the initial states; as the model's camera and wires see them where these are free: others have
+        another pose.
 
-        Without that a model whose camera stands elsewhere is held to a state that is off by as much.
+        Without that a model that is seen otherwise is held to a state that is off by as much.
         """
-        records, free = self.problem.records, any(of_camera(c) for c in model.plain)
+        records, free = self.problem.records, any(of_sensors(c) for c in model.plain)
         if not free or not tells_state(records[0].observation, model.sections):
             return self._states
         try:

@@ -4,10 +4,14 @@ What: every number that may change is a :class:`bha.estimation.free.Coordinate`,
 number plausibly has from its nominal value, so that the prior is a unit normal. The camera's frame is among them where
 heads were measured: they are seen in a frame that stands some millimetres beside the arm's base and is turned by some
 degrees, whatever the file says. That is no physics of the arm; left out it passes for offsets of pressures and tilts.
+So are the azimuths and radii at which wires run: nobody holds a protractor to better than some degrees
+(:func:`bha.estimation.scale.wires_free`).
 Source: plain parameters as in the paper's identification (section IV): mass and inertia (56), longitudinal stiffness
 (Fig. 8), bending stiffness (Fig. 9), damping (Fig. 10).
-Validity: the scale of all forces is set by the effective areas, which count as known unless the parameter file calls
-them assumed. One camera for all logs; one that is off by tens of degrees or mirrored is a fault, see ``bha check``.
+Validity: the scale of all forces is that of masses and areas together: areas count as known where the file says where
+they come from, to a tenth where it does not, and as guesses beside springs of one number
+(:func:`bha.estimation.scale.is_guessed`). One camera for all logs; one that is off by tens of degrees or mirrored is a
+fault, see ``bha check``.
 """
 
 from __future__ import annotations
@@ -22,7 +26,8 @@ from numpy.typing import NDArray
 
 from bha.estimation.derived import Core, core_of, stiffness_elongations, tangent_stiffness
 from bha.estimation.engine import Differences, Model
-from bha.estimation.free import Coordinate, camera_free, resolve, with_values
+from bha.estimation.free import Coordinate, FreeParameter, camera_free, resolve, with_values
+from bha.estimation.scale import DRAWN, is_guessed
 from bha.parameters import Place, paths
 
 if TYPE_CHECKING:
@@ -40,6 +45,8 @@ MASS_SPREAD, INERTIA_SPREAD, STIFFNESS_SPREAD, DAMPING_SPREAD, BENDING_SPREAD, A
     0.4,
     0.2,
 )
+#: The same of numbers that are guesses: off by factors of three, a bending stiffness by twice what it is or more.
+GUESS, BENDING_GUESS = math.log(3.0), 2.0
 #: Plausible distance of the centre of mass along z and of the rest length, as a share of the rest length.
 CENTER_SPREAD, REST_SPREAD = 0.08, 0.2
 #: Least tangent stiffness, as a share of that at rest.
@@ -79,9 +86,19 @@ def coordinate(
     return Coordinate(name, path, unit, nominal, spread, logarithmic, low, high, nominal, deviation)
 
 
-def of_camera(coordinate: Coordinate) -> bool:
-    """Whether a coordinate says how heads are seen, not how they move."""
+def of_sensors(coordinate: Coordinate) -> bool:
+    """Whether a coordinate says how an arm is seen, not how it moves."""
     return paths.is_of_sensors(coordinate.path)
+
+
+def of_camera(coordinate: Coordinate) -> bool:
+    """Whether a coordinate says how heads are seen."""
+    return coordinate.path.startswith("sensors.")
+
+
+def of_wire(coordinate: Coordinate) -> bool:
+    """Whether a coordinate says where a wire runs."""
+    return coordinate.path.startswith("length_sensor.")
 
 
 def is_damping(coordinate: Coordinate) -> bool:
@@ -89,13 +106,24 @@ def is_damping(coordinate: Coordinate) -> bool:
     return paths.key_of(coordinate.path) == "damping"
 
 
-def plain_model(arm: Arm, *, camera: bool = False, more: Sequence[Coordinate] = ()) -> Model:
-    """The model of an arm with its plain parameters free, ``more`` beside them, those of its camera too if wanted."""
+def plain_model(
+    arm: Arm, *, camera: bool = False, wires: Sequence[FreeParameter] = (), more: Sequence[Coordinate] = ()
+) -> Model:
+    """The model of an arm with its plain parameters free, ``more`` beside them, then those of wires and of its camera.
+
+    Args:
+        arm: the arm.
+        camera: whether the frame of the camera that sees its heads is free.
+        wires: what is free of its wires, see :func:`bha.estimation.scale.wires_free`.
+        more: further numbers that are free.
+    """
     core = core_of(arm.parameters)
     coordinates: list[Coordinate] = []
     for i, section in enumerate(core["section"]):
         coordinates += _plain_of_section(arm, i, section)
     coordinates += more
+    if wires:
+        coordinates += [replace(own, scale=own.prior_deviation) for own in resolve(arm.parameters, wires)]
     if camera:
         coordinates += _of_the_camera(arm)
     return Model(arm.parameters, tuple(coordinates), differences=DIFFERENCES)
@@ -143,8 +171,14 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
     place, path = Place.of_section(i + 1), f"section.{i + 1}"
     rest, stiffness = float(bellows["rest_length"]), [float(k) for k in bellows["stiffness"]]
 
+    guessed = is_guessed(arm.parameters.sections[i])
+
     def scaled(key: str, unit: str, nominal: float, spread: float) -> Coordinate:
         return coordinate(f"{place} {key}", f"{path}.{key}", unit, nominal, spread, logarithmic=True)
+
+    def guess(own: Coordinate) -> Coordinate:
+        """A number that is off by factors where the section's are guesses."""
+        return replace(own, prior_deviation=max(own.prior_deviation, GUESS * own.start)) if guessed else own
 
     found = [
         scaled("mass", "kg", float(section["mass"]), MASS_SPREAD),
@@ -158,31 +192,31 @@ def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
             logarithmic=False,
         ),
         *_rest_lengths(arm, i, section),
-        scaled("damping", "N s/m", max(float(bellows["damping"]), 1e-3), DAMPING_SPREAD),
+        guess(scaled("damping", "N s/m", max(float(bellows["damping"]), 1e-3), DAMPING_SPREAD)),
     ]
     first = stiffness[0] if stiffness[0] > 0.0 else 1.0
     for number, elongation in enumerate(stiffness_elongations(section), start=1):
         nominal = max(tangent_stiffness(stiffness, elongation), LEAST_STIFFNESS * first)
         name = f"{place} tangent stiffness at {1e3 * elongation:+.0f} mm"
         own = f"{path}.tangent_stiffness.{number}"
-        found.append(coordinate(name, own, "N/m", nominal, STIFFNESS_SPREAD, logarithmic=True))
+        found.append(guess(coordinate(name, own, "N/m", nominal, STIFFNESS_SPREAD, logarithmic=True)))
     bending = float(section["bending_stiffness"][0])
     # Where the file has none, a tenth of what the bellows' springs make of a bend.
     size = bending if bending > 0.0 else 0.15 * first * float(section["bellows_radius"]) ** 2
-    found.append(
-        coordinate(
-            f"{place} bending_stiffness",
-            f"{path}.bending_stiffness.1",
-            "N m",
-            bending,
-            BENDING_SPREAD * size,
-            logarithmic=False,
-            low=0.0,
-        )
+    bends = coordinate(
+        f"{place} bending_stiffness",
+        f"{path}.bending_stiffness.1",
+        "N m",
+        bending,
+        BENDING_SPREAD * size,
+        logarithmic=False,
+        low=0.0,
     )
+    found.append(replace(bends, prior_deviation=BENDING_GUESS * size) if guessed else bends)
     stated = arm.parameters.sections[i].provenance.get("terminal_area")
-    if stated is not None and stated.status == "assumed":
-        found.append(scaled("terminal_area", "m^2", float(bellows["terminal_area"]), AREA_SPREAD))
+    if stated is None or stated.status == "assumed":
+        spread = AREA_SPREAD if stated is not None else DRAWN
+        found.append(guess(scaled("terminal_area", "m^2", float(bellows["terminal_area"]), spread)))
     return found
 
 

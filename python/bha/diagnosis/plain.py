@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +36,7 @@ from bha.estimation.preload import with_preloads
 from bha.estimation.records import Record
 from bha.estimation.refinement import refine, remembers
 from bha.estimation.runs import Integration
+from bha.estimation.scale import wires_free
 from bha.estimation.settings import Settings, of_an_arm_that_creeps
 from bha.parameters import ArmParameters
 from bha.recordings.beginning import KIND as PRELOAD
@@ -131,23 +132,11 @@ def remembering(arm: Arm, train: Sequence[Record]) -> Arm:
     return arm.with_parameters(with_preloads(arm.parameters))
 
 
-def fit_plain(
-    arm: Arm,
-    train: Sequence[Record],
-    *,
-    commanded: bool,
-    camera: bool,
-    faults: Sequence[Finding],
-    doubts: Sequence[Finding],
-    seed: int,
-    threads: int | None,
-    cache: Cache,
-    scatter: Array | None,
-    tell: Tell,
-) -> Plain:
-    """The plain model of some logs.
+@dataclass(frozen=True)
+class PlainFits:
+    """The fits of a plain model to some logs, from one start after the other.
 
-    Args:
+    Attributes:
         arm: the file's arm.
         train: the training logs.
         commanded: whether their pressures are commands, which pass through the arm's pneumatics.
@@ -159,84 +148,113 @@ def fit_plain(
         cache: of finished fits.
         scatter: what sets logs apart that begin alike, m, shape (channels,).
         tell: called with what is being done.
-
-    Raises:
-        ConvergenceError: the simulation diverges from every start.
-        InputError: it diverges, and logs and file do not belong together.
+        searched: where an identification would begin if the file's values were not enough, once that was looked for.
     """
 
-    # An arm that stands elsewhere after each use creeps: a data sheet's damping is off by orders of magnitude.
-    held_off = bool(preloaded(arm.parameters)) and not (faults or doubts)
-    searched: list[Begin] = []
+    arm: Arm
+    train: Sequence[Record]
+    commanded: bool
+    camera: bool
+    faults: Sequence[Finding]
+    doubts: Sequence[Finding]
+    seed: int
+    threads: int | None
+    cache: Cache
+    scatter: Array | None
+    tell: Tell
+    searched: list[Begin] = field(default_factory=list)
 
-    def fitted(start: Arm, label: str, moved: str = "", *, identified: bool = False) -> Plain:
+    def best(self) -> Plain:
+        """The plain model of the logs.
+
+        Raises:
+            ConvergenceError: the simulation diverges from every start.
+            InputError: it diverges, and logs and file do not belong together.
+        """
+        wrong = [*self.faults, *self.doubts]
+        fits: list[Plain] = []
+        why: ConvergenceError | None = None
+        if self._holds_off:
+            for way in (self._of_fabric, self._begun_anew) if self.commanded else (self._begun_anew,):
+                if (found := way()) is not None and found.left < LOST:
+                    return found
+                fits = [] if found is None else [found]
+        try:
+            first = self._fitted(self.arm, "")
+            if first.left < FOUND or wrong:
+                return self._settled(replace(first, faults=tuple(self.faults if first.left < FOUND else wrong)))
+            fits.insert(0, first)
+        except ConvergenceError as error:
+            if wrong:
+                raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
+            why = error
+        if not self._holds_off and (second := self._begun_anew()) is not None:
+            fits.append(second)
+        if not fits:
+            assert why is not None
+            raise why
+        return self._settled(min(fits, key=lambda fit: fit.left))
+
+    @property
+    def _holds_off(self) -> bool:
+        """Whether the arm stands elsewhere after each use: it creeps, and is damped more by orders of magnitude than a
+        data sheet says."""
+        return bool(preloaded(self.arm.parameters)) and not (self.faults or self.doubts)
+
+    def _fitted(self, start: Arm, label: str, moved: str = "", *, identified: bool = False) -> Plain:
+        """The fit from an arm's values; ``label`` tells the fits of the cache apart."""
+        threads, train = self.threads, self.train
         starts = [Start({}, 1.0)] if identified else []
-        if commanded:
+        if self.commanded:
             start = with_valves(start)
             if not identified:
-                tell("looking for lag and dead time of the commands", None)
+                self.tell("looking for lag and dead time of the commands", None)
                 if starts := starts_of(start, train, threads):
                     start = begun(start, starts[0])
-        acting = start if commanded else start.with_changes(pneumatics="ideal")
-        valves = coordinates_of(acting.parameters) if commanded else ()
-        model = replace(plain_model(acting, camera=camera, more=valves), integration=Integration(threads=threads))
-        tell("choosing the integration step", None)
+        acting = start if self.commanded else start.with_changes(pneumatics="ideal")
+        valves = coordinates_of(acting.parameters) if self.commanded else ()
+        # What is seen otherwise is told by first poses where an arm stands elsewhere after each use.
+        wires = () if preloaded(self.arm.parameters) else tuple(wires_free(self.arm.parameters, train))
+        model = plain_model(acting, camera=self.camera, wires=wires, more=valves)
+        model = replace(model, integration=Integration(threads=threads))
+        self.tell("choosing the integration step", None)
         prepared = prepare_runs(model, train)
         model = replace(model.on(prepared.records), integration=prepared.integration(threads))
-        tell("re-identifying the plain model", None)
+        self.tell("re-identifying the plain model", None)
         begins = [at(model, own) for own in starts]
-        found = fit_baseline(model, prepared, seed, cache, scatter, label, starts=begins, near=identified)
+        found = fit_baseline(
+            model, prepared, self.seed, self.cache, self.scatter, label, starts=begins, near=identified
+        )
         return Plain(start, found, moved)
 
-    def from_start(start: Arm | None, label: str, moved: str, *, identified: bool = False) -> Plain | None:
+    def _from(self, start: Arm | None, label: str, moved: str, *, identified: bool = False) -> Plain | None:
         with suppress(ConvergenceError):
-            return None if start is None else fitted(start, label, moved, identified=identified)
+            return None if start is None else self._fitted(start, label, moved, identified=identified)
         return None
 
-    def begun_anew() -> Plain | None:
-        tell("looking for where to begin", None)
-        searched.extend(_searched(arm, train, threads))
-        start = _begun(arm, searched[0]) if searched else None
-        return from_start(start, "begun", "where held poses and a search over dampings say")
+    def _begun_anew(self) -> Plain | None:
+        self.tell("looking for where to begin", None)
+        self.searched.extend(_searched(self.arm, self.train, self.threads))
+        start = _begun(self.arm, self.searched[0]) if self.searched else None
+        return self._from(start, "begun", "where held poses and a search over dampings say")
 
-    def of_fabric() -> Plain | None:
-        tell("identifying the arm", None)
-        return from_start(_of_fabric(arm, train, threads), "fabric", _OF_FABRIC, identified=True)
+    def _of_fabric(self) -> Plain | None:
+        self.tell("identifying the arm", None)
+        return self._from(_of_fabric(self.arm, self.train, self.threads), "fabric", _OF_FABRIC, identified=True)
 
-    def settled(found: Plain) -> Plain:
+    def _settled(self, found: Plain) -> Plain:
         """What was found, or where that leaves a gap the fit that an identification leads to, if that leaves less.
 
         With more that is free and priors of its own it may take up an effect; what is not needed is no finding. A fit
         at the noise that is far from its file goes by priors that do not hold, in all that its logs do not tell, too:
         it may be anywhere on others.
         """
-        if (found.gap < MATERIAL and found.is_plausible) or held_off or faults or doubts:
+        if (found.gap < MATERIAL and found.is_plausible) or self._holds_off or self.faults or self.doubts:
             return found
-        tell("identifying the plain arm", None)
-        start = _identified(arm, train, searched, found.baseline.fit.model.integration)
-        other = from_start(start, "identified", "at what an identification of the logs finds", identified=True)
+        self.tell("identifying the plain arm", None)
+        start = _identified(self.arm, self.train, self.searched, found.baseline.fit.model.integration)
+        other = self._from(start, "identified", "at what an identification of the logs finds", identified=True)
         return other if other is not None and other.gap < max(MATERIAL, found.gap / MATERIAL) else found
-
-    first: Plain | None = None
-    second: Plain | None = None
-    why: ConvergenceError | None = None
-    for way in ((of_fabric, begun_anew) if commanded else (begun_anew,)) if held_off else ():
-        if (second := way()) is not None and second.left < LOST:
-            return second
-    try:
-        first = fitted(arm, "")
-        if first.left < FOUND or faults or doubts:
-            return settled(replace(first, faults=tuple(faults if first.left < FOUND else (*faults, *doubts))))
-    except ConvergenceError as error:
-        if wrong := [*faults, *doubts]:
-            raise InputError(f"{faults_in_words(wrong)}. With that {error}") from error
-        why = error
-    if not held_off:
-        second = begun_anew()
-    fits = [fit for fit in (first, second) if fit is not None]
-    if why is not None and not fits:
-        raise why
-    return settled(min(fits, key=lambda fit: fit.left))
 
 
 def _searched(arm: Arm, train: Sequence[Record], threads: int | None) -> list[Begin]:

@@ -197,7 +197,7 @@ def thin(record: Record, factor: int) -> Record:
 
 def cut_to(record: Record, thinned: Record) -> Record:
     """The rows of ``record`` from the first to the last of ``thinned``."""
-    return record.kept((record.rows >= thinned.rows[0]) & (record.rows <= thinned.rows[-1]))
+    return record.kept((record.time >= thinned.time[0]) & (record.time <= thinned.time[-1]))
 
 
 def sound_records(full: Sequence[Record], thinned: Sequence[Record], shown: Sequence[Array]) -> list[Record]:

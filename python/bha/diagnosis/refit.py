@@ -28,7 +28,7 @@ from bha.diagnosis.fit import (
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.memory import by_log, numbers_per_independent
-from bha.diagnosis.model import of_camera
+from bha.diagnosis.model import of_sensors
 from bha.diagnosis.slowness import LAG, better_way
 from bha.diagnosis.valves import is_of_valves
 from bha.errors import ConvergenceError
@@ -211,7 +211,7 @@ def _as_filed(problem: Problem, fit: Fit) -> Fit:
     Raises:
         ConvergenceError: it diverges.
     """
-    kept = [of_camera(c) or is_of_valves(c) for c in fit.model.plain]
+    kept = [of_sensors(c) or is_of_valves(c) for c in fit.model.plain]
     x = np.where(kept, fit.x[: len(kept)], 0.0)
     filed = evaluate(problem, fit.model, np.concatenate([x, fit.x[len(kept) :]]), fit.states, fit.trust)
     return weighted(problem, with_sensitivities(problem, filed))

@@ -29,7 +29,7 @@ from bha.diagnosis.fit import Fit, Problem, evaluate, improve
 from bha.diagnosis.model import is_damping
 from bha.diagnosis.places import place_of
 from bha.diagnosis.result import Alternative, Diagnosis, Effect, Number, SlowSection
-from bha.diagnosis.valves import is_of_valves
+from bha.diagnosis.valves import NUMBERS, is_of_valves
 from bha.diagnosis.words import slow_in_words
 from bha.errors import BhaError, ConvergenceError
 from bha.estimation.apart import mean_pressures
@@ -163,6 +163,32 @@ def better_way(problem: Problem, fit: Fit) -> Fit:
             continue
         best = min(best, other, key=lambda f: f.cost)
     return best
+
+
+def plain_divisions(model: Model, x: Array) -> list[Array]:
+    """Coordinates of a plain model with a lag of commands, its slowness divided otherwise between that and dampings.
+
+    Once with the dampings of the file and a lag as much longer as none of its sections was faster, once with a lag of
+    next to nothing and all of them as much slower.
+    """
+    lags = [k for k, own in enumerate(model.plain) if own.name in (NUMBERS[LAG, "fill"], NUMBERS[LAG, "vent"])]
+    dampings = [k for k, own in enumerate(model.plain) if is_damping(own)]
+    if not lags or len(dampings) != model.sections:
+        return []
+    times = [model.plain[k].value(float(x[k])) for k in lags]
+    slow = [relaxation(model, x, (section,)) for section in range(1, model.sections + 1)]
+    filed = x.copy()
+    filed[dampings] = 0.0
+    more = min(own - relaxation(model, filed, (section,)) for section, own in enumerate(slow, start=1))
+    short = x.copy()
+    for k, time in zip(lags, times, strict=True):
+        own = model.plain[k]
+        filed[k] = own.coordinate(max(time + more, own.lower))
+        short[k] = own.coordinate(own.lower)
+    for k, time in zip(dampings, slow, strict=True):
+        own = model.plain[k]
+        short[k] = own.coordinate(own.value(float(x[k])) * (time + float(np.mean(times))) / time)
+    return [filed, short]
 
 
 def _is_damped(fit: Fit, sections: Sequence[int]) -> bool:

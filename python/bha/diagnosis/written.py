@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from bha._core import __version__
 from bha.diagnosis.force_summary import FORCE_FILE, TABLE_FILE
-from bha.diagnosis.model import sensors_at
+from bha.diagnosis.model import of_wire, sensors_at
 from bha.diagnosis.result import Made, NextExperiment, SourceFile
 from bha.diagnosis.valves import is_of_valves
 from bha.errors import FileError, InputError, way_out
@@ -140,7 +140,7 @@ def diagnosed_arm(arm: Arm, outcome: Investigation, logs: Sequence[Log]) -> Arm:
     changes: dict[str, Any] = {"section": mapping["section"]}
     if sensors := sensors_at(model, x):
         changes["sensors"] = _sensors_table(arm, sensors, outcome, references)
-    changes |= _valves_tables(arm, outcome, references)
+    changes |= _valves_tables(arm, outcome, references) | _wires_tables(arm, outcome, references)
     if tables:
         changes["effect"] = [*changes.get("effect", mapping.get("effect", [])), *tables]
     made = arm.with_parameters(arm.parameters.updated(changes))
@@ -210,6 +210,21 @@ def _valves_tables(arm: Arm, outcome: Investigation, references: list[dict[str, 
         numbers = {path.rpartition(".")[2]: entry for path in c.members or (c.path,)}
         table["provenance"] = {**table.get("provenance", {}), **numbers}
     return {key: mapping[key] for key in ("pneumatics", "effect") if key in mapping}
+
+
+def _wires_tables(arm: Arm, outcome: Investigation, references: list[dict[str, str]]) -> dict[str, Any]:
+    """``[[length_sensor]]`` with where the wires run that was estimated."""
+    own = [(k, c) for k, c in enumerate(outcome.model.plain) if of_wire(c)]
+    if not own:
+        return {}
+    values = [c.value(float(outcome.x[k])) for k, c in own]
+    tables = with_values(arm.parameters, [c for _, c in own], values).to_mapping()["length_sensor"]
+    for k, c in own:
+        _, number, key = c.path.split(".")
+        table = tables[int(number) - 1]
+        entry = _entry(outcome.uncertainty[k], references)
+        table["provenance"] = {**table.get("provenance", {}), key: entry}
+    return {"length_sensor": tables}
 
 
 def _sensors_table(

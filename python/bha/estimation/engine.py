@@ -27,7 +27,7 @@ from bha.estimation.free import Coordinate, apply
 from bha.estimation.initial import guess_state
 from bha.estimation.records import Record, Window
 from bha.estimation.runs import BATCH_VALUES, Integration, Run
-from bha.estimation.terms import EffectTerm, tables_of
+from bha.estimation.terms import EffectTerm, number_of, tables_of
 from bha.parameters import ArmParameters
 from bha.recordings import Observation
 from bha.recordings.outputs import longest_sensor_delay
@@ -46,6 +46,8 @@ class Differences:
         parameter: difference of a parameter's coordinate z.
         length: of an initial length, m.
         rate: of an initial rate, m/s.
+        shift: least difference of a dead time, s: what bends within the integrator's steps, and not at their ends, is
+            another error of the integrator, which a smaller one would pass for a derivative.
         memory: time after which an arm has forgotten how it began, s: derivatives by initial states end there.
         lenient: whether a run that fails tells nothing, instead of being an error.
     """
@@ -53,6 +55,7 @@ class Differences:
     parameter: float = 1e-5
     length: float = 1e-6
     rate: float = 1e-5
+    shift: float = 1e-3
     memory: float = np.inf
     lenient: bool = False
 
@@ -280,8 +283,11 @@ class Model:
 
     def _moved(self, k: int, z: Array) -> tuple[int, Array, float]:
         """A coordinate, the point with it moved on the side on which it stays within its bounds, and by how much."""
+        own = self.coordinates[k]
         step = self.differences.parameter
-        _, upper = self.coordinates[k].bounds
+        if own.path.startswith("effect.") and number_of(own) == "time":
+            step = max(step, self.differences.shift / own.scale)
+        _, upper = own.bounds
         h = -step if z[k] + step > upper else step
         changed = z.copy()
         changed[k] += h

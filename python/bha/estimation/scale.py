@@ -54,7 +54,7 @@ def default_free_of(parameters: ArmParameters, records: Sequence[Record]) -> tup
     free: list[FreeParameter] = []
     for number in range(1, len(parameters.sections) + 1):
         free += _of_section(parameters, number)
-    free += _of_wires(parameters, records)
+    free += wires_free(parameters, records)
     if all(sees_a_head(rec) for rec in records):
         free += camera_free(parameters)
     return tuple(free)
@@ -124,6 +124,16 @@ def _of_section(parameters: ArmParameters, number: int) -> list[FreeParameter]:
     return [*free, *_of_a_tape_measure(place, section, known)]
 
 
+def is_guessed(section: SectionParameters) -> bool:
+    """Whether stiffness, damping and area of a section are guesses: it states one number of its springs, and nothing
+    that would tell where that comes from.
+
+    A tape measure's file says how stiff a chamber is about; who has a curve has measured it.
+    """
+    stated = section.provenance.get("stiffness")
+    return len(section.stiffness) == 1 and (stated is None or stated.status == "assumed")
+
+
 def curved(parameters: ArmParameters, path: str) -> FreeParameter:
     """A coefficient of a higher power of a spring."""
     value = paths.get_value(parameters, path)
@@ -155,7 +165,7 @@ def _of_a_tape_measure(place: str, section: SectionParameters, known: set[str]) 
     return free
 
 
-def _of_wires(parameters: ArmParameters, records: Sequence[Record]) -> list[FreeParameter]:
+def wires_free(parameters: ArmParameters, records: Sequence[Record]) -> list[FreeParameter]:
     """Where the wires run that every log reads: nobody holds a protractor to better than some degrees."""
     read = [set(rec.observation.names) for rec in records]
     free = []
