@@ -8,7 +8,16 @@ from typing import Any
 
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
-from bha.diagnosis.contenders import asks_memory, memories, other_kinds, with_laws, with_what_slips
+from bha.diagnosis.contenders import (
+    asks_memory,
+    memories,
+    other_kinds,
+    second_look,
+    whole_places,
+    with_laws,
+    with_what_slips,
+)
+from bha.diagnosis.rules import Rules
 from bha.diagnosis.screen import Scored
 from bha.estimation.preload import with_preloads
 from bha.parameters import ArmParameters
@@ -43,12 +52,35 @@ def test_other_kinds_in_the_place_of_the_best_are_refitted_too() -> None:
     assert other_kinds(ranking, ranking[0].candidate, (), CORE, 2) == [ranking[0], ranking[3]]
 
 
+def test_what_brought_most_is_refitted_in_every_section_and_who_comes_next() -> None:
+    """Friction of a whole section: its score sees one bellows, and the section not at all."""
+    ranking = [
+        scored("friction", "bellows 12", 9.0),
+        scored("creep", "bellows 12", 8.0),
+        scored("weak_bellows", "bellows 21", 7.0),
+        scored("friction", "bellows 21", 6.0),
+        scored("pressure_gain", "input p23", 5.0),
+        scored("friction", "section 1", 0.0),
+        scored("friction", "all", 0.0),
+        scored("creep", "section 2", 0.0),
+    ]
+    trials: Any = [SimpleNamespace(key=(s.candidate.key,), candidates=(s.candidate,)) for s in ranking[:3]]
+    known = {trial.key[-1] for trial in trials}
+    assert whole_places(ranking, trials, known, 1) == ranking[5:7]
+    assert whole_places(ranking, trials, {*known, ("friction", "all")}, 3) == [ranking[5], ranking[7]]
+    given: Any = SimpleNamespace(rules=Rules(), problem=SimpleNamespace(model=SimpleNamespace(core=CORE)))
+    screening: Any = SimpleNamespace(ranking=ranking)
+    assert second_look(given, screening, trials) == [*ranking[5:8], ranking[3], ranking[4]]
+
+
 def test_another_law_is_always_tried() -> None:
     """The plain numbers make up for most of a wrong law: its score says little, and it costs little to try."""
     assert [kind for kind, plan in PLANS.items() if plan.is_a_law] == ["work_conjugate"]
     ranking = [scored("creep", "bellows 12", 9.0), scored("work_conjugate", "all", 0.1)]
-    assert with_laws(ranking[:1], ranking) == ranking
-    assert with_laws(ranking, ranking) == ranking
+    assert with_laws(ranking[:1], ranking, ()) == ranking
+    assert with_laws(ranking, ranking, ()) == ranking
+    # Beside other effects too, but not twice.
+    assert with_laws(ranking[:1], ranking, [("work_conjugate", "all")]) == ranking[:1]
 
 
 def test_an_arm_whose_logs_show_that_it_remembers_is_asked_the_form_of_its_memory_alone() -> None:

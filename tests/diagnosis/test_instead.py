@@ -58,6 +58,34 @@ def test_the_next_that_stands_takes_the_place(
 
 
 @pytest.mark.parametrize(
+    ("held_out", "best", "second"),
+    [
+        ({HOSE: -0.1, GAIN: 0.8, LEAK: 0.9}, GAIN, True),  # the first that is not refuted, not the best
+        ({HOSE: -0.1, GAIN: -0.2, LEAK: 0.9}, LEAK, True),
+        ({HOSE: 0.1, GAIN: 0.8, LEAK: 0.9}, HOSE, False),
+        ({HOSE: -0.1, GAIN: -0.8, LEAK: -0.9}, HOSE, False),
+    ],
+)
+def test_held_out_logs_refute_a_member_of_what_is_not_told_apart(
+    held_out: dict[tuple[str, str], float], best: tuple[str, str], second: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = [trial(10.0, HOSE), trial(12.0, GAIN), trial(13.0, LEAK), trial(90.0, TILT)]
+    for own in first:
+        own.prediction = held_out.get(own.key[0], 1.0)
+    plain = trial(100.0)
+    plain.prediction = 0.0
+    search = Search(plain, first[0], rivals=[first])
+    monkeypatch.setattr(following, "bic", lambda t, *_: t.fit.squares)
+    monkeypatch.setattr(following, "correlation_length", lambda *_: 1.0)
+    monkeypatch.setattr(following, "stands", lambda *_: True)
+    monkeypatch.setattr(following, "share_brought", lambda plain, smaller, larger, noise: larger)
+    for own in first:
+        own.fit.residual = None
+    following.unrefuted(SimpleNamespace(rules=Rules(), problem=None, noise=1.0), search)  # type: ignore[arg-type]
+    assert (search.best.key, search.second) == ((best,), second)
+
+
+@pytest.mark.parametrize(
     ("second", "doubtful", "verdict"),
     [(False, {}, "named"), (True, {}, "unexplained"), (False, {GAIN: 0.03}, "unexplained")],
 )
@@ -82,6 +110,15 @@ def test_a_form_that_errs_rules_out_none_that_errs_a_little_more(inexact: bool, 
     gain, others = trial(20.0, GAIN), [Rival(trial(24.0, LEAK), 0, 0.0), Rival(trial(90.0, TILT), 0, 0.0)]
     search = Search(trial(100.0), gain, inexact=inexact)
     assert [r.key for r in of_like_form(search, problem, gain, others)] == members
+
+
+def test_what_is_little_rules_out_none_that_leaves_hardly_more() -> None:
+    """Of 100 rows the gain leaves 10 beyond noise, the leak 10.9, the tilt 12."""
+    problem: Any = SimpleNamespace(rows=100)
+    gain, others = trial(110.0, GAIN), [Rival(trial(110.9, LEAK), 0, 9.0), Rival(trial(112.0, TILT), 0, 9.0)]
+    assert [r.key for r in of_like_form(Search(trial(300.0), gain), problem, gain, others)] == [LEAK]
+    much, others = trial(140.0, GAIN), [Rival(trial(140.9, LEAK), 0, 9.0)]
+    assert of_like_form(Search(trial(300.0), much), problem, much, others) == []
 
 
 def test_rivals_are_sets_with_another_effect_in_whatever_order(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,6 +100,13 @@ def test_what_the_catalogue_could_still_add_moves_a_number_by_what_a_refit_with_
     assert np.std(draws[:, 0]) == pytest.approx(np.hypot(found[0], np.std(coordinate_draws(problem, fit, 0))), rel=0.1)
 
 
+def test_where_nothing_is_missing_nothing_could_be_added() -> None:
+    problem, fit, signatures, _, _ = with_candidate(np.random.default_rng(6), 1.0)
+    for share, moved in ((1.01, False), (1.03, True)):
+        fit.squares = share * problem.rows
+        assert (form_deviation(problem, fit, signatures, 0)[0] > 0.0) == moved
+
+
 def test_what_chance_explains_as_well_moves_nothing() -> None:
     moved = 0
     for seed in range(10):

@@ -67,8 +67,37 @@ def test_a_further_name_answers_a_gap_of_its_own(without: float, stays: bool, mo
     smaller = {keys: {key: trials[tuple(k for k in keys if k != key)] for key in keys} for keys in squares}
     monkeypatch.setattr(pruning, "_each_without", lambda given, search: smaller[search.best.key])
     search = Search(trials[()], trials[CREEP, HYSTERESIS], screening=never)  # type: ignore[arg-type]
-    prune(SimpleNamespace(problem=None, rules=Rules(), signatures=None), search)  # type: ignore[arg-type]
+    given = SimpleNamespace(problem=SimpleNamespace(rows=1e4), rules=Rules(), signatures=None)
+    prune(given, search)  # type: ignore[arg-type]
     assert search.best.key == ((CREEP, HYSTERESIS) if stays else (CREEP,))
+
+
+@pytest.mark.parametrize(("left_out", "stays"), [(4.9, True), (5.1, True), (11.0, True)])
+def test_left_out_logs_that_say_nothing_leave_a_name_to_the_held_out_ones(
+    left_out: float, stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plain model misses left-out logs by 10 in mean square, one with the name by about five times its own 1."""
+    fits = {
+        keys: SimpleNamespace(trust=1.0, prior=0.0, squares=1e4 * own, own=out)
+        for keys, own, out in (((), 10.0, 10.0), ((CREEP,), 1.0, left_out))
+    }
+    plain, best = (SimpleNamespace(key=keys, candidates=keys, fit=fit) for keys, fit in fits.items())
+    monkeypatch.setattr(pruning, "crossed", lambda problem, fit, trust: fit.own)
+    never = SimpleNamespace(chance=lambda gain: 0.001)
+    monkeypatch.setattr(pruning, "_each_without", lambda given, search: {CREEP: plain} if search.best is best else {})
+    search = Search(plain, best, screening=never)  # type: ignore[arg-type]
+    given = SimpleNamespace(problem=SimpleNamespace(rows=1e4), rules=Rules(), signatures=None)
+    prune(given, search)  # type: ignore[arg-type]
+    assert (search.best is best) == stays
+    assert search.doubtful == ({} if left_out < Rules().told else {CREEP: 0.001})
+
+
+def test_a_further_effect_shows_or_takes_all_that_is_left() -> None:
+    rules = Rules()
+    assert rules.enough(10.0, 1.0) == pytest.approx(10.0 * (1.0 - 1.3**-2))
+    assert rules.enough(1.75, 1.0) == pytest.approx(0.85 * 0.75)
+    # What is no gap needs no further name.
+    assert rules.enough(1.5, 1.0) == pytest.approx(1.5 * (1.0 - 1.3**-2))
 
 
 @pytest.mark.parametrize(("dropped", "anew"), [(2.0, True), (20.0, False)])

@@ -10,7 +10,7 @@ import numpy as np
 
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.given import Given
-from bha.diagnosis.places import members
+from bha.diagnosis.places import members, place_of
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.screen import Scored, Screening
 from bha.recordings.beginning import preloaded
@@ -45,13 +45,27 @@ def contenders(
     # A score is linear and on a grid: a refit may bring more than it promises, though not many times more.
     least = max(0.5 * enough, rules.near * max((scored.score for scored in chosen), default=0.0))
     chosen = [scored for scored in chosen if scored.score > least]
-    chosen = with_kin(chosen, ranking, taken)
-    if not taken:
-        chosen = with_laws(chosen, ranking)
+    chosen = with_laws(with_kin(chosen, ranking, taken), ranking, taken)
     if given.problem.restarts:
         chosen = with_wider(chosen, ranking, taken)
         chosen = with_rivals(chosen, ranking, taken, rivals)
     return with_one_element(chosen, ranking)
+
+
+def second_look(given: Given, screening: Screening, trials: Sequence[Trial]) -> list[Scored]:
+    """Whom the first round refits besides, where the best of those that promised most leaves much.
+
+    Scores are linear and about the plain numbers: of an effect that is far from little, or that these have made up for,
+    they tell the neighbourhood. Others of the catalogue in the place of the best, what brought most in every section,
+    and who comes next.
+    """
+    rules, ranking, core = given.rules, screening.ranking, given.problem.model.core
+    known = {trial.key[-1] for trial in trials}
+    chosen = other_kinds(ranking, trials[0].candidates[-1], known, core, rules.beside)
+    chosen += whole_places(ranking, trials, {*known, *(s.candidate.key for s in chosen)}, rules.widened)
+    known |= {s.candidate.key for s in chosen}
+    following = {s.candidate.key: s for s in reversed(ranking) if s.score > 0.0 and s.candidate.key not in known}
+    return chosen + sorted(following.values(), key=lambda s: -s.score)[: rules.beside]
 
 
 def asks_memory(given: Given, current: Trial, screening: Screening) -> bool:
@@ -136,6 +150,23 @@ def other_kinds(
     return chosen
 
 
+def whole_places(
+    ranking: Sequence[Scored], trials: Sequence[Trial], known: Collection[Key], kinds: int
+) -> list[Scored]:
+    """The kinds that brought most, so many of them, in every section and everywhere.
+
+    Of what holds a whole section back a score sees the bellows that move most, and none of it where the plain numbers
+    have made up for it.
+    """
+    first = list(dict.fromkeys(trial.key[-1][0] for trial in trials))[:kinds]
+    chosen: dict[Key, Scored] = {}
+    for scored in ranking:
+        kind, where = scored.candidate.key
+        if kind in first and (kind, where) not in known and place_of(where).sort in ("all", "section"):
+            chosen.setdefault((kind, where), scored)
+    return list(chosen.values())
+
+
 def with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:
     """``chosen`` with the kinds in the same places that only a refit tells from them."""
     result = list(chosen)
@@ -147,10 +178,10 @@ def with_kin(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequenc
     return result
 
 
-def with_laws(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> list[Scored]:
+def with_laws(chosen: Sequence[Scored], ranking: Sequence[Scored], taken: Sequence[Key]) -> list[Scored]:
     """``chosen`` with every law that may stand in the place of one of the arm's: the plain numbers make up for most of
     it, so that their score, which is about these numbers, says little. They have none of their own, and are quick."""
-    known = {c.candidate.key for c in chosen}
+    known = {*taken, *(c.candidate.key for c in chosen)}
     return [*chosen, *(s for s in ranking if s.candidate.plan.is_a_law and s.candidate.key not in known)]
 
 

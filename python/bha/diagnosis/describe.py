@@ -39,6 +39,9 @@ TOLD, MOST_RIVALS = 0.05, 5
 #: Nor is it told where what is left follows something that was logged, and the other leaves, beyond the noise, at most
 #: so many times as much: a form that errs by so much itself rules no other out that errs by a little more.
 FORM = 1.5
+#: The same where what is left is little, in mean square over the noise, and may be anything: a lag beside a camera that
+#: is a millimetre off leaves a little less than the delay that it is not.
+LITTLE, LITTLE_FORM = 1.3, 1.1
 
 
 def describe(
@@ -257,11 +260,14 @@ def _effects(
 
 
 def of_like_form(state: Search, problem: Problem, chosen: Trial, rivals: Sequence[Rival]) -> list[Rival]:
-    """Rivals that err hardly more than the chosen set does, where that has not the arm's form (:data:`FORM`)."""
+    """Rivals that err hardly more than the chosen set does, where that has not quite the arm's form (:data:`FORM`)."""
     own = chosen.fit.squares - problem.rows
-    if not state.inexact or own <= 0.0:
+    if own <= 0.0:
         return []
-    return [r for r in rivals if r.trial.fit.squares - problem.rows <= FORM * own]
+    if not state.inexact and chosen.fit.squares > LITTLE * problem.rows:
+        return []
+    form = FORM if state.inexact else LITTLE_FORM
+    return [r for r in rivals if r.trial.fit.squares - problem.rows <= form * own]
 
 
 def _removed(state: Search, key: tuple[str, str], noise: float) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bha.diagnosis.abreast import abreast
-from bha.diagnosis.contenders import asks_memory, contenders, other_kinds
+from bha.diagnosis.contenders import asks_memory, contenders, second_look
 from bha.diagnosis.given import Given
 from bha.diagnosis.ranking import by_criterion, in_order
 from bha.diagnosis.refit import Trial, added, refined
@@ -27,8 +27,7 @@ def forward(given: Given, search: Search) -> None:
         first = search.screening if current is search.plain else None
         screening = first or score(problem, current.fit, given.signatures)
         search.screening = search.screening or screening
-        # A further effect brings as much where it shows beside the others.
-        enough = (1.0 - rules.shows**-2) * current.fit.squares if current.candidates else rules.worth * excess
+        enough = rules.enough(current.fit.squares, problem.rows) if current.candidates else rules.worth * excess
         share = f"{100.0 * enough / max(excess, 1e-9):.2g} % of the excess"
         memory_alone = asks_memory(given, current, screening)
         chosen = contenders(given, current, screening, search.rivals, enough)
@@ -39,10 +38,8 @@ def forward(given: Given, search: Search) -> None:
         if not trials:
             return
         if not current.candidates and not memory_alone and _leaves_much(given, search, trials[0]):
-            known = {trial.key[-1] for trial in trials}
-            core = plain.model.core
-            others = other_kinds(screening.ranking, trials[0].candidates[-1], known, core, rules.beside)
-            trials = in_order(given, current, plain.trust, [*trials, *tried(given, search, others)])
+            others = second_look(given, screening, trials)
+            trials = in_order(given, current, plain.trust, [*trials, *tried(given, search, others, trials[0])])
         search.rivals.append(trials)
         best = trials[0]
         chance = screening.chance(gain(current, best))
@@ -62,14 +59,16 @@ def forward(given: Given, search: Search) -> None:
 
 
 def _leaves_much(given: Given, search: Search, best: Trial) -> bool:
-    """Whether what a set leaves of the training logs is a gap, and much of what the plain model does."""
+    """Whether a set leaves much of what the plain model does beyond noise on the training logs."""
     rules, rows = given.rules, given.problem.rows
-    left, excess = best.fit.squares - rows, max(0.0, search.plain.fit.squares - rows)
-    return best.fit.squares >= rules.shows**2 * rows and left > rules.open * excess
+    return best.fit.squares - rows > rules.open * max(0.0, search.plain.fit.squares - rows)
 
 
-def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]:
-    """The best set with each of ``chosen`` added, refitted; the best of them first."""
+def tried(given: Given, search: Search, chosen: Sequence[Scored], beside: Trial | None = None) -> list[Trial]:
+    """The best set with each of ``chosen`` added, refitted; the best of them first.
+
+    ``beside`` is the best of the round so far.
+    """
     current, rules = search.best, given.rules
     number = len(current.candidates) + 1
 
@@ -85,7 +84,7 @@ def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]
     refitted = abreast(given.problem, refit, chosen, say)
     trials = by_criterion([trial for trial in refitted if trial is not None], given.problem)
     search.trials += trials
-    near = _worth_refining(trials, current, rules.refined)
+    near = _worth_refining(trials, current, rules.refined, beside)
     finer = abreast(
         given.problem,
         lambda t: refined(given, t),
@@ -97,13 +96,18 @@ def tried(given: Given, search: Search, chosen: Sequence[Scored]) -> list[Trial]
     return in_order(given, current, search.plain.fit.trust, [*finer, *others])
 
 
-def _worth_refining(trials: Sequence[Trial], current: Trial, share: float) -> list[Trial]:
+def _worth_refining(trials: Sequence[Trial], current: Trial, share: float, beside: Trial | None) -> list[Trial]:
     """The winner, and of those that bring at least ``share`` of the most the second, and the first lag.
+
+    Beside a trial that is refined already and leaves much, those that bring as much of what it does, and the first lag.
 
     Their step was chosen for the strength that was expected of them. A lag has another valley, into which only
     refining looks.
     """
     drops = [current.fit.squares - t.fit.squares for t in trials]
-    close = [k for k, drop in enumerate(drops) if drop > share * max(drops)]
-    lag = next((k for k in close if trials[k].key[-1][0] == LAG), 0)
-    return [t for k, t in enumerate(trials) if k == 0 or (k in close and k in (1, lag))]
+    most = max([*drops, 0.0 if beside is None else current.fit.squares - beside.fit.squares])
+    close = [k for k, drop in enumerate(drops) if drop > share * most]
+    first = 0 in close or beside is None
+    lags = [k for k, trial in enumerate(trials) if trial.key[-1][0] == LAG and drops[k] > 0.0]
+    lag = next((k for k in lags if k in close or beside is not None), None)
+    return [t for k, t in enumerate(trials) if (k == 0 and first) or (k == 1 and k in close) or k == lag]

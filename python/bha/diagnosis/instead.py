@@ -1,4 +1,4 @@
-"""The next of the first round, where what came first is refused: by left-out logs, or as there may be none of it.
+"""The next of the first round, where what came first is refused: by left-out or held-out logs, or as there may be none.
 
 What comes first fits the training logs best, with as many numbers as it has. A hose of six numbers stands before a
 sensor's gain of one, of which it has a little; that there may be none of a hose says nothing of the gain.
@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from bha.diagnosis.forward import forward
 from bha.diagnosis.given import Given
+from bha.diagnosis.holdout import share_brought
 from bha.diagnosis.intervals import form_deviation, is_there
 from bha.diagnosis.prune import prune
 from bha.diagnosis.ranking import on_bound
-from bha.diagnosis.refit import Trial
+from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.search import Search
 
 
@@ -44,6 +45,32 @@ def instead(given: Given, search: Search) -> None:
             return
     # As it was, with what else is known of it.
     search.best, search.doubtful, search.whole = found, doubtful, None
+
+
+def unrefuted(given: Given, search: Search) -> None:
+    """Put the next in the place of one effect with which the held-out logs are predicted worse than without any.
+
+    It is the first of those that training logs do not tell from what was found, by the criterion, and that the held-out
+    logs do not refute: of a class that is not told apart one member goes, and they choose between none. They are asked
+    for more then.
+    """
+    found, plain = search.best, search.plain.prediction
+    if len(set(found.key)) != 1 or not search.rivals:
+        return
+
+    def share(trial: Trial) -> float:
+        return share_brought(plain, plain, trial.prediction, given.noise)
+
+    if share(found) >= 0.0:
+        return
+    correlation = correlation_length(given.problem, found.fit.residual)
+    limit = bic(found, given.problem, correlation) + given.rules.even
+    for trial in search.rivals[0]:
+        even = trial.fit.jacobian is not None and bic(trial, given.problem, correlation) < limit
+        if even and trial.key != found.key and share(trial) > 0.0 and stands(given, trial):
+            search.notes.append(f"held-out logs refute {found.label}: {trial.label}, which is not told from it")
+            search.best, search.second = trial, True
+            return
 
 
 def stands(given: Given, trial: Trial) -> bool:

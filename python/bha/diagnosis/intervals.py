@@ -31,6 +31,7 @@ from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.information import information
 from bha.diagnosis.memory import draws_like
 from bha.diagnosis.refit import Trial, correlation_length, criterion
+from bha.diagnosis.rules import NOISE_LEFT
 from bha.diagnosis.screen import Signatures, score
 from bha.diagnosis.where import BLOCK_TIME, block_edges
 from bha.estimation.terms import number_of
@@ -104,9 +105,12 @@ def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int
     That is what explains at least ``RIVAL`` of what the best does, unless chance explains that as well, by an amount
     that an arm may have, and lowers the criterion: a hose of six numbers explains a little of anything.
     """
+    found = np.zeros(fit.model.size)
+    if fit.squares < NOISE_LEFT * problem.rows:
+        # Nothing is missing.
+        return found
     screening = score(problem, fit, signatures, seed)
     known = information(problem, fit)
-    found = np.zeros(fit.model.size)
     if not screening.ranking or screening.chance(screening.ranking[0].score) > CHANCE:
         return found
     correlation = correlation_length(problem, fit.residual)

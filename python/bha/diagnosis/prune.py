@@ -14,12 +14,17 @@ from bha.diagnosis.crossing import crossed, share_of_excess
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import share_brought
 from bha.diagnosis.refit import Trial, evaluated_without, without
+from bha.diagnosis.rules import Rules
 from bha.diagnosis.screen import score
 from bha.diagnosis.search import Search, by_chance, gain
 
 
 def prune(given: Given, search: Search) -> None:
-    """Drop effects, the least needed first, until all are needed."""
+    """Drop effects, the least needed first, until all are needed.
+
+    Where the rest of the logs tells the numbers too little to predict what is left out, that says nothing of names:
+    then the held-out logs have to confirm them.
+    """
     problem, rules, trust = given.problem, given.rules, search.plain.fit.trust
     if not search.best.candidates:
         return
@@ -28,21 +33,19 @@ def prune(given: Given, search: Search) -> None:
     while search.best.candidates:
         current = search.best
         own = crossed(problem, current.fit, trust)
+        is_told = own < rules.told * current.fit.squares / problem.rows
         weakest: tuple[float, Trial, str] | None = None
         for key, smaller in _each_without(given, search).items():
             less = crossed(problem, smaller.fit, trust)
             share = share_of_excess(plain, less, own)
-            fails = (
-                f"removes {100 * share:.1f} % of the excess on left-out training logs" if share < rules.share else ""
-            )
-            times = math.sqrt(less / own)
-            if not fails and smaller.candidates and key not in smaller.key and times < rules.shows:
-                fails = f"left-out training logs are missed by {times:.2f} times as much without it, which is no gap"
+            # An element of an effect that stays answers for what the effect does.
+            beside = bool(smaller.candidates) and key not in smaller.key
+            fails = _missed(rules, plain, less, own, beside=beside) if is_told else ""
             if not fails:
                 known = search.screening if smaller is search.plain else None
                 chance = (known or score(problem, smaller.fit, given.signatures)).chance(gain(smaller, current))
-                fails = by_chance(chance) if chance > rules.enter else ""
-                if rules.chance < chance <= rules.enter:
+                fails = by_chance(chance) if chance > (rules.enter if is_told else rules.chance) else ""
+                if rules.chance < chance or not is_told:
                     search.doubtful[key] = chance
             if fails and (weakest is None or share < weakest[0]):
                 weakest = (share, smaller, f"dropped: {key[0]} at {key[1]} ({fails})")
@@ -50,6 +53,25 @@ def prune(given: Given, search: Search) -> None:
             return
         search.best = weakest[1]
         search.notes.append(weakest[2])
+
+
+def _missed(rules: Rules, plain: float, less: float, own: float, *, beside: bool) -> str:
+    """Why left-out logs speak against an effect, by their mean squares; empty where they do not.
+
+    Args:
+        rules: of the search.
+        plain: under the plain model.
+        less: under the set without the effect.
+        own: under the set.
+        beside: whether others are left without it: what they miss then is the excess.
+    """
+    share = share_of_excess(plain, less, own)
+    if not beside:
+        return f"removes {100 * share:.1f} % of the excess on left-out training logs" if share < rules.share else ""
+    if less - own >= rules.enough(less, 1.0):
+        return ""
+    times = math.sqrt(less / own)
+    return f"left-out training logs are missed by {times:.2f} times as much without it, which is no gap"
 
 
 def certify(given: Given, search: Search) -> None:

@@ -15,7 +15,7 @@ from bha.diagnosis.beyond import refute
 from bha.diagnosis.elements import with_elements
 from bha.diagnosis.forward import forward
 from bha.diagnosis.given import Given
-from bha.diagnosis.instead import instead
+from bha.diagnosis.instead import instead, unrefuted
 from bha.diagnosis.lookalikes import swap
 from bha.diagnosis.prune import certify, prune
 from bha.diagnosis.refit import Trial, bic, correlation_length
@@ -39,6 +39,7 @@ def search(given: Given, state: Search) -> Search:
         instead(given, state)
         state.settle()
         certify(given, state)
+        unrefuted(given, state)
         refute(given, state)
         state.chosen = state.best
         if given.rules.thorough and with_elements(given, state):
@@ -56,9 +57,10 @@ def search(given: Given, state: Search) -> Search:
 
 
 def again(given: Given, state: Search) -> None:
-    """Begin once more from the best of another kind of the first round where the set that was found leaves much.
+    """Begin once more from the best of another kind of the first round where the set that was found leaves a gap.
 
-    Of two strong effects a third that has a little of both may come first, and hide them from then on.
+    Of two strong effects a third that has a little of both may come first, and hide them from then on. Where little is
+    left only one that brought nearly as much is worth another search.
     """
     problem, rules = given.problem, given.rules
     excess = max(0.0, state.plain.fit.squares - problem.rows)
@@ -66,13 +68,12 @@ def again(given: Given, state: Search) -> None:
     gap = found.fit.squares / problem.rows >= rules.shows**2
     if not state.rivals or not found.candidates or not gap:
         return
-    if found.fit.squares - problem.rows <= rules.open * excess:
-        return
-    start = _other_beginning(state, found, rules.refined)
+    much = found.fit.squares - problem.rows > rules.open * excess
+    start = _other_beginning(state, found, rules.refined if much else rules.nearly)
     if start is None:
         return
     state.best = start
-    state.notes.append(f"much is left: once more from {start.label}")
+    state.notes.append(f"a gap is left: once more from {start.label}")
     forward(given, state)
     prune(given, state)
     correlation = correlation_length(problem, found.fit.residual)

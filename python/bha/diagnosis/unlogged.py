@@ -119,7 +119,7 @@ class Unlogged:
         if decision.verdict != "unexplained" or before < MATERIAL * after or not self.is_a_disturbance:
             return decision
         text = (
-            f"without the effect {before / after:.2f} times as much is missed on held-out logs; what it leaves, "
+            f"without what was found {before / after:.2f} times as much is missed on held-out logs; what it leaves, "
             f"{1e3 * self.rms:.2g} mm, follows nothing that was logged (p = {self.logged.chance:.2g}; no candidate "
             f"explains more of it than chance does, p = {self.chance:.2g}): it is what unlogged forces or pressures do"
         )

@@ -350,7 +350,7 @@ def _known(problem: Problem, trial: Trial, signatures: Signatures, seed: int) ->
 
 
 def _completed(decision: Decision, ground: Ground, found: Found, errors: tuple[float, float], seed: int) -> Decision:
-    """The decision where one effect explains a part of a gap: what it leaves is asked whether it follows something.
+    """The decision where effects explain a part of a gap: what they leave is asked whether it follows something.
 
     What does is the effect's form, if it is named, and the search is marked as inexact.
     """
@@ -359,7 +359,9 @@ def _completed(decision: Decision, ground: Ground, found: Found, errors: tuple[f
     exact = best.fit.squares / problem.rows < NOISE_LEFT
     if decision.verdict not in ("named", "unexplained") or (named and exact):
         return decision
-    if len(set(best.key)) != 1 or best.fit.jacobian is None:
+    # Of several each has to be there for itself: what is left tells of the form of all of them together.
+    several = len(set(best.key)) > 1
+    if not best.candidates or best.fit.jacobian is None or (several and (named or state.doubtful)):
         return decision
     screening = score(problem, best.fit, found.signatures)
     left = unlogged(problem, best.fit, state.plain.holdout, best.prediction, screening, seed)
