@@ -107,10 +107,12 @@ def test_guesses_are_off_by_factors_and_drawings_by_a_tenth() -> None:
     mapping = one_section().parameters.to_mapping()
     section = mapping["section"][0]
 
-    def spreads(**changes: Any) -> dict[str, float]:
+    def spreads(*, identified: bool = False, **changes: Any) -> dict[str, float]:
         arm = bha.Arm(ArmParameters.from_mapping(mapping | {"section": [section | changes]}))
         return {
-            c.path.removeprefix("section.1."): c.prior_deviation / c.start for c in plain_model(arm).plain if c.start
+            c.path.removeprefix("section.1."): c.prior_deviation / c.start
+            for c in plain_model(arm, identified=identified).plain
+            if c.start
         }
 
     drawn, guessed = spreads(), spreads(stiffness=[1200.0])
@@ -119,6 +121,8 @@ def test_guesses_are_off_by_factors_and_drawings_by_a_tenth() -> None:
     assert [guessed[k] for k in ("damping", "tangent_stiffness.1", "terminal_area")] == pytest.approx([factor] * 3)
     assert guessed["bending_stiffness.1"] > 4.0 * drawn["bending_stiffness.1"]
     assert guessed["mass"] == drawn["mass"] == pytest.approx(0.15)
+    # What logs have told is no guess, whatever the file says of it.
+    assert spreads(identified=True, stiffness=[1200.0])["tangent_stiffness.1"] == pytest.approx(0.3)
     known = spreads(stiffness=[1200.0], provenance={"stiffness": "measured", "terminal_area": "measured"})
     assert known["tangent_stiffness.1"] == pytest.approx(0.3)
     assert "terminal_area" not in known

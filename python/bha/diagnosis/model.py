@@ -107,7 +107,12 @@ def is_damping(coordinate: Coordinate) -> bool:
 
 
 def plain_model(
-    arm: Arm, *, camera: bool = False, wires: Sequence[FreeParameter] = (), more: Sequence[Coordinate] = ()
+    arm: Arm,
+    *,
+    camera: bool = False,
+    wires: Sequence[FreeParameter] = (),
+    more: Sequence[Coordinate] = (),
+    identified: bool = False,
 ) -> Model:
     """The model of an arm with its plain parameters free, ``more`` beside them, then those of wires and of its camera.
 
@@ -116,11 +121,13 @@ def plain_model(
         camera: whether the frame of the camera that sees its heads is free.
         wires: what is free of its wires, see :func:`bha.estimation.scale.wires_free`.
         more: further numbers that are free.
+        identified: whether the arm's numbers are what logs have told, and no guesses whatever its file says.
     """
     core = core_of(arm.parameters)
     coordinates: list[Coordinate] = []
     for i, section in enumerate(core["section"]):
-        coordinates += _plain_of_section(arm, i, section)
+        guessed = is_guessed(arm.parameters.sections[i]) and not identified
+        coordinates += _plain_of_section(arm, i, section, guessed=guessed)
     coordinates += more
     if wires:
         coordinates += [replace(own, scale=own.prior_deviation) for own in resolve(arm.parameters, wires)]
@@ -166,12 +173,10 @@ def said_of_camera(model: Model, uncertainty: Sequence[tuple[float, float]], x: 
     return f"the camera that sees the heads {' and '.join(texts)}; estimated, no effect of the arm" if texts else None
 
 
-def _plain_of_section(arm: Arm, i: int, section: Core) -> list[Coordinate]:
+def _plain_of_section(arm: Arm, i: int, section: Core, *, guessed: bool) -> list[Coordinate]:
     bellows = section["bellows"][0]
     place, path = Place.of_section(i + 1), f"section.{i + 1}"
     rest, stiffness = float(bellows["rest_length"]), [float(k) for k in bellows["stiffness"]]
-
-    guessed = is_guessed(arm.parameters.sections[i])
 
     def scaled(key: str, unit: str, nominal: float, spread: float) -> Coordinate:
         return coordinate(f"{place} {key}", f"{path}.{key}", unit, nominal, spread, logarithmic=True)

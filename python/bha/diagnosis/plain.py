@@ -215,7 +215,7 @@ class PlainFits:
         valves = coordinates_of(acting.parameters) if self.commanded else ()
         # What is seen otherwise is told by first poses where an arm stands elsewhere after each use.
         wires = () if preloaded(self.arm.parameters) else tuple(wires_free(self.arm.parameters, train))
-        model = plain_model(acting, camera=self.camera, wires=wires, more=valves)
+        model = plain_model(acting, camera=self.camera, wires=wires, more=valves, identified=identified)
         model = replace(model, integration=Integration(threads=threads))
         self.tell("choosing the integration step", None)
         prepared = prepare_runs(model, train)
