@@ -7,6 +7,7 @@ from functools import partial
 from bha.diagnosis.abreast import abreast
 from bha.diagnosis.contenders import promising
 from bha.diagnosis.given import Given
+from bha.diagnosis.ranking import on_bound
 from bha.diagnosis.refit import Trial, added, bic, correlation_length, without
 from bha.diagnosis.screen import Scored, score
 from bha.diagnosis.search import Search
@@ -30,16 +31,26 @@ def swap(given: Given, search: Search) -> bool:
         chosen = [
             s for s in promising(ranking, current.key, 2, 1, problem.rows / correlation) if s.score >= rules.like * own
         ]
+        held = _on_bound(current, k)
         trials = abreast(problem, partial(_beside, given, smaller), chosen, lambda _: None)
         for trial in trials:
             if trial is None:
                 continue
             search.trials.append(trial)
+            if on_bound(trial) and not held:
+                # It is not this kind: friction begins where the range of a hysteresis ends.
+                continue
             if bic(current, problem, correlation) - bic(trial, problem, correlation) > rules.swap:
                 search.notes.append(f"{trial.label} in place of {current.label}")
                 search.best = current = trial
                 swapped = True
     return swapped
+
+
+def _on_bound(trial: Trial, number: int) -> bool:
+    """Whether an effect of a trial has a number on a bound."""
+    model = trial.fit.model
+    return bool(model.effects[number].on_bound(trial.fit.x[model.place(number)]))
 
 
 def _beside(given: Given, smaller: Trial, scored: Scored) -> Trial | None:
