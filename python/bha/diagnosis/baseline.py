@@ -16,7 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.fit import Fit, Problem, evaluate, improve, problem_of, weighted, whole_logs, with_sensitivities
+from bha.diagnosis.fit import (
+    FAR_STEP,
+    Fit,
+    Problem,
+    evaluate,
+    improve,
+    lowest,
+    problem_of,
+    weighted,
+    whole_logs,
+    with_sensitivities,
+)
 from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera, of_sensors
 from bha.diagnosis.noises import Bound, bound_of, disturbed_outputs, mean_white_square, sensors_of
 from bha.diagnosis.preparation import begins_at_rest, cut_to, sound_records, thin
@@ -64,8 +75,6 @@ CAMERA_MISFIT = 2.0
 #: Rounds of noise and fit at the most, and share of the bound of before from which another is not worth it; rounds at
 #: the most where fits tell stray readings.
 NOISE_ROUNDS, SAME_NOISE, STRAY_ROUNDS = 2, 0.8, 4
-#: Greatest step of a plain parameter, in plausible distances: a file may be far off.
-FAR = 3.0
 #: How often a fit begins anew from where it ended, and share of its cost for which it does once more.
 ROUNDS, WORTH_A_ROUND = 3, 0.01
 
@@ -248,7 +257,9 @@ def _pieces_fit(model: Model, prepared: Prepared, rough: NoiseModel) -> tuple[Ar
     x = np.zeros(model.size)
     states = list(prepared.states if parts is None else model.guesses(x, parts))
     problem = problem_of(model, parts or whole, rough, np.stack(states))
-    fit = improve(problem, evaluate(problem, model, x, states), iterations=20, tolerance=0.02, renewals=5, limit=FAR)
+    fit = improve(
+        problem, evaluate(problem, model, x, states), iterations=20, tolerance=0.02, renewals=5, limit=FAR_STEP
+    )
     if parts is None:
         return fit.x, list(fit.states)
     found = dict(zip((c.name for c in model.plain), fit.x, strict=True))
@@ -296,7 +307,7 @@ def _some_steps(problem: Problem, model: Model, x: Array, states: list[Array]) -
     fit = evaluate(problem, model, x, states)
     if not np.isfinite(fit.cost):
         return []
-    return [improve(problem, fit, iterations=10, tolerance=0.01, renewals=3, limit=FAR)]
+    return [improve(problem, fit, iterations=10, tolerance=0.01, renewals=3, limit=FAR_STEP)]
 
 
 def with_wide_damping(model: Model) -> Model:
@@ -327,7 +338,7 @@ def _damped_fit(
     for x in starts:
         fit = evaluate(problem, quick, x, prepared.states)
         if np.isfinite(fit.cost):
-            fits.append(improve(problem, fit, iterations=40, tolerance=1e-3, renewals=12, limit=FAR))
+            fits.append(improve(problem, fit, iterations=40, tolerance=1e-3, renewals=12, limit=FAR_STEP))
     if not fits:
         raise ConvergenceError("the simulation diverges at the start of the fit; is the arm's file that of the logs?")
     best = min(fits, key=lambda fit: fit.cost)
@@ -355,7 +366,7 @@ def _to_its_end(problem: Problem, fit: Fit) -> Fit:
     What a plain fit stopped short of any candidate's refit would gain, and pass for an effect.
     """
     for _ in range(ROUNDS):
-        more = improve(problem, fit, iterations=40, tolerance=2e-3, renewals=12, limit=FAR)
+        more = improve(problem, fit, iterations=40, tolerance=2e-3, renewals=12, limit=FAR_STEP)
         if more.cost > (1.0 - WORTH_A_ROUND) * fit.cost:
             break
         fit = with_sensitivities(problem, more)
@@ -367,13 +378,8 @@ def _otherwise_slow(problem: Problem, fit: Fit) -> Fit:
 
     Of a fit that leaves a gap: the other valley may have none (docs/decisions/0017).
     """
-    best = fit
-    for x in plain_divisions(fit.model, fit.x):
-        start = evaluate(problem, fit.model, x, fit.states)
-        if np.isfinite(start.cost):
-            with suppress(ConvergenceError):
-                other = improve(problem, start, iterations=12, tolerance=0.01, renewals=4, limit=FAR)
-                best = min(best, other, key=lambda own: own.cost)
+    starts = plain_divisions(fit.model, fit.x)
+    best = lowest(problem, fit, starts, iterations=12, tolerance=0.01, renewals=4)
     return fit if best is fit else _to_its_end(problem, with_sensitivities(problem, best))
 
 
@@ -435,7 +441,7 @@ def fit_baseline(
         known = cache.get(name, shapes)
         if known is None:
             fit = evaluate(problem, model, fit.x, fit.states)
-            fit = improve(problem, fit, iterations=30, tolerance=2e-3, renewals=8, limit=FAR)
+            fit = improve(problem, fit, iterations=30, tolerance=2e-3, renewals=8, limit=FAR_STEP)
             cache.put(name, x=fit.x, states=np.array(fit.states))
         else:
             fit = weighted(problem, evaluate(problem, model, known["x"], list(known["states"])))

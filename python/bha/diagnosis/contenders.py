@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -64,8 +64,8 @@ def second_look(given: Given, screening: Screening, trials: Sequence[Trial]) -> 
     chosen = other_kinds(ranking, trials[0].candidates[-1], known, core, rules.beside)
     chosen += whole_places(ranking, trials, {*known, *(s.candidate.key for s in chosen)}, rules.widened)
     known |= {s.candidate.key for s in chosen}
-    following = {s.candidate.key: s for s in reversed(ranking) if s.score > 0.0 and s.candidate.key not in known}
-    return chosen + sorted(following.values(), key=lambda s: -s.score)[: rules.beside]
+    following = _first_of_each(s for s in ranking if s.score > 0.0 and s.candidate.key not in known)
+    return chosen + following[: rules.beside]
 
 
 def asks_memory(given: Given, current: Trial, screening: Screening) -> bool:
@@ -159,11 +159,18 @@ def whole_places(
     have made up for it.
     """
     first = list(dict.fromkeys(trial.key[-1][0] for trial in trials))[:kinds]
+
+    def wanted(kind: str, where: str) -> bool:
+        return kind in first and (kind, where) not in known and place_of(where).sort in ("all", "section")
+
+    return _first_of_each(s for s in ranking if wanted(*s.candidate.key))
+
+
+def _first_of_each(ranking: Iterable[Scored]) -> list[Scored]:
+    """The first of each kind and place."""
     chosen: dict[Key, Scored] = {}
     for scored in ranking:
-        kind, where = scored.candidate.key
-        if kind in first and (kind, where) not in known and place_of(where).sort in ("all", "section"):
-            chosen.setdefault((kind, where), scored)
+        chosen.setdefault(scored.candidate.key, scored)
     return list(chosen.values())
 
 

@@ -7,7 +7,8 @@ of :mod:`bha.estimation.problem` and :mod:`bha.estimation.solver`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Event
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 STATE_DEVIATION = (0.01, 0.1)
 #: Time over which a residual that is not noise errs alike, about, s: what physics leaves follows the arm's motion.
 MEMORY = 1.0 / 3.0
+#: Greatest step from a start that is far, in plausible distances.
+FAR_STEP = 3.0
 #: A step that gains less than this is none.
 NEGLIGIBLE = 0.5
 
@@ -310,6 +313,25 @@ def restarted(problem: Problem, fit: Fit) -> Fit:
             other = improve(problem, start, iterations=20, tolerance=2e-3, renewals=7)
             fit = min(fit, other, key=lambda f: f.cost)
     return fit
+
+
+def lowest(
+    problem: Problem, fit: Fit, starts: Iterable[Array], *, iterations: int, tolerance: float, renewals: int
+) -> Fit:
+    """``fit``, or the lowest of the fits of the same model from other coordinates that ends lower.
+
+    Starts may be far: their steps go up to ``FAR_STEP``, and those that diverge are left out.
+    """
+    best = fit
+    for x in starts:
+        start = evaluate(problem, fit.model, x, fit.states)
+        if np.isfinite(start.cost):
+            with suppress(ConvergenceError):
+                found = improve(
+                    problem, start, iterations=iterations, tolerance=tolerance, renewals=renewals, limit=FAR_STEP
+                )
+                best = min(best, found, key=lambda own: own.cost)
+    return best
 
 
 def point_of(problem: Problem, fit: Fit) -> Point:

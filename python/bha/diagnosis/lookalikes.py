@@ -31,7 +31,7 @@ def swap(given: Given, search: Search) -> bool:
         chosen = [
             s for s in promising(ranking, current.key, 2, 1, problem.rows / correlation) if s.score >= rules.like * own
         ]
-        held = _on_bound(current, k)
+        held = on_bound(current, k)
         trials = abreast(problem, partial(_beside, given, smaller), chosen, lambda _: None)
         for trial in trials:
             if trial is None:
@@ -45,12 +45,6 @@ def swap(given: Given, search: Search) -> bool:
                 search.best = current = trial
                 swapped = True
     return swapped
-
-
-def _on_bound(trial: Trial, number: int) -> bool:
-    """Whether an effect of a trial has a number on a bound."""
-    model = trial.fit.model
-    return bool(model.effects[number].on_bound(trial.fit.x[model.place(number)]))
 
 
 def _beside(given: Given, smaller: Trial, scored: Scored) -> Trial | None:

@@ -40,7 +40,7 @@ def prune(given: Given, search: Search) -> None:
             share = share_of_excess(plain, less, own)
             # An element of an effect that stays answers for what the effect does.
             beside = bool(smaller.candidates) and key not in smaller.key
-            fails = _missed(rules, plain, less, own, beside=beside) if is_told else ""
+            fails = _missed(rules, share, less, own, beside=beside) if is_told else ""
             if not fails:
                 known = search.screening if smaller is search.plain else None
                 chance = (known or score(problem, smaller.fit, given.signatures)).chance(gain(smaller, current))
@@ -55,17 +55,16 @@ def prune(given: Given, search: Search) -> None:
         search.notes.append(weakest[2])
 
 
-def _missed(rules: Rules, plain: float, less: float, own: float, *, beside: bool) -> str:
+def _missed(rules: Rules, share: float, less: float, own: float, *, beside: bool) -> str:
     """Why left-out logs speak against an effect, by their mean squares; empty where they do not.
 
     Args:
         rules: of the search.
-        plain: under the plain model.
+        share: of the plain model's excess that the effect removes.
         less: under the set without the effect.
         own: under the set.
         beside: whether others are left without it: what they miss then is the excess.
     """
-    share = share_of_excess(plain, less, own)
     if not beside:
         return f"removes {100 * share:.1f} % of the excess on left-out training logs" if share < rules.share else ""
     if less - own >= rules.enough(less, 1.0):

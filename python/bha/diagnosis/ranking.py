@@ -58,10 +58,10 @@ def off_bounds_first(trials: list[Trial], current: Trial, problem: Problem, rule
     return _first(trials, lambda t: not on_bound(t) and before - bic(t, problem, correlation) >= needed)
 
 
-def on_bound(trial: Trial) -> bool:
+def on_bound(trial: Trial, number: int = -1) -> bool:
     """Whether the newest effect of a trial has a number on a bound: then it is not this kind, or not here."""
     model = trial.fit.model
-    return bool(model.effects[-1].on_bound(trial.fit.x[model.place(-1)]))
+    return bool(model.effects[number].on_bound(trial.fit.x[model.place(number)]))
 
 
 def widest_first(trials: list[Trial], current: Trial, problem: Problem, rules: Rules) -> list[Trial]:

@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Fit, Problem, evaluate, improve
+from bha.diagnosis.fit import Fit, Problem, lowest
 from bha.diagnosis.model import is_damping
 from bha.diagnosis.places import place_of
 from bha.diagnosis.result import Alternative, Diagnosis, Effect, Number, SlowSection
 from bha.diagnosis.valves import NUMBERS, is_of_valves
 from bha.diagnosis.words import slow_in_words
-from bha.errors import BhaError, ConvergenceError
+from bha.errors import BhaError
 from bha.estimation.apart import mean_pressures
 from bha.estimation.engine import Model
 from bha.estimation.lags import CommonTime, common_with
@@ -151,18 +151,9 @@ def better_way(problem: Problem, fit: Fit) -> Fit:
     if found is None or not _is_damped(fit, found.sections):
         return fit
     lag, own = found.time, relaxation(fit.model, fit.x, found.sections)
-    best = fit
-    for now, relaxed in ((own, lag), *((share * (lag + own), (1.0 - share) * (lag + own)) for share in SHARES)):
-        x = divided(fit.model, fit.x, now, relaxed)
-        start = None if x is None else evaluate(problem, fit.model, x, fit.states, 1.0)
-        if start is None or not np.isfinite(start.cost):
-            continue
-        try:
-            other = improve(problem, start, iterations=20, tolerance=2e-3, renewals=5, limit=3.0)
-        except ConvergenceError:
-            continue
-        best = min(best, other, key=lambda f: f.cost)
-    return best
+    ways = ((own, lag), *((share * (lag + own), (1.0 - share) * (lag + own)) for share in SHARES))
+    starts = (divided(fit.model, fit.x, now, relaxed) for now, relaxed in ways)
+    return lowest(problem, fit, (x for x in starts if x is not None), iterations=20, tolerance=2e-3, renewals=5)
 
 
 def plain_divisions(model: Model, x: Array) -> list[Array]:

@@ -27,8 +27,8 @@ from bha.estimation.free import Coordinate, apply
 from bha.estimation.initial import guess_state
 from bha.estimation.records import Record, Window
 from bha.estimation.runs import BATCH_VALUES, Integration, Run
-from bha.estimation.terms import EffectTerm, number_of, tables_of
-from bha.parameters import ArmParameters
+from bha.estimation.terms import EffectTerm, tables_of
+from bha.parameters import ArmParameters, paths
 from bha.recordings import Observation
 from bha.recordings.outputs import longest_sensor_delay
 
@@ -285,7 +285,7 @@ class Model:
         """A coordinate, the point with it moved on the side on which it stays within its bounds, and by how much."""
         own = self.coordinates[k]
         step = self.differences.parameter
-        if own.path.startswith("effect.") and number_of(own) == "time":
+        if paths.is_dead_time(own.path):
             step = max(step, self.differences.shift / own.scale)
         _, upper = own.bounds
         h = -step if z[k] + step > upper else step

@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 
 from bha.estimation.dense import minimize
 from bha.estimation.engine import Model
-from bha.estimation.lags import is_dead_time
 from bha.estimation.problem import Point, Problem, Residuals, state_deviations
 from bha.estimation.records import Record, Window
 from bha.estimation.runs import Run
 from bha.estimation.scales import scales
-from bha.parameters import ArmParameters
+from bha.parameters import ArmParameters, paths
 
 Array = NDArray[np.float64]
 
@@ -194,6 +193,6 @@ def _commands(rec: Record) -> tuple[Array, Array]:
 
 def _dead_time(model: Model, z: Array) -> float:
     """Dead time of all commands, s."""
-    values = [c.value(float(x)) for c, x in zip(model.plain, z, strict=False) if is_dead_time(c.path)]
+    values = [c.value(float(x)) for c, x in zip(model.plain, z, strict=False) if paths.is_dead_time(c.path)]
     own = [e.parameters["time"] for e in model.parameters.effects if e.kind == "delay" and e.where == "all"]
     return float(sum(values or own))

@@ -23,7 +23,7 @@ from bha.arm import Arm
 from bha.estimation.apart import KIND, rates
 from bha.estimation.free import Coordinate, FreeParameter
 from bha.estimation.records import Record
-from bha.parameters import ArmParameters
+from bha.parameters import ArmParameters, paths
 from bha.parameters.provenance import published
 
 #: The time constants: paths, and how far (as a factor's logarithm, in deviations of the prior) nobody knows them.
@@ -133,21 +133,16 @@ def second_stage(parameters: ArmParameters) -> float:
     return float(sum(0.5 * (numbers["fill"] + numbers["vent"]) for numbers in own))
 
 
-def is_dead_time(path: str) -> bool:
-    """Whether a number is the dead time of commands."""
-    return path.startswith("effect.") and path.endswith(".time")
-
-
 def delayed(coordinates: Sequence[Coordinate], z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Points like ``z`` with dead times, each with the lag as it is and shorter by as much; none where none is free."""
     made: list[NDArray[np.float64]] = []
-    if not any(is_dead_time(c.path) for c in coordinates):
+    if not any(paths.is_dead_time(c.path) for c in coordinates):
         return made
     for delay in DELAYS:
         for share in (0.0, 1.0):
             point = z.copy()
             for k, coordinate in enumerate(coordinates):
-                if is_dead_time(coordinate.path):
+                if paths.is_dead_time(coordinate.path):
                     point[k] = coordinate.coordinate(delay)
                 elif coordinate.path in PATHS:
                     lag = coordinate.value(float(z[k])) - share * delay

@@ -128,6 +128,11 @@ def is_of_sensors(path: str) -> bool:
     return path.partition(".")[0] in ("sensors", "length_sensor")
 
 
+def is_dead_time(path: str) -> bool:
+    """Whether a path is that of a dead time, an effect's number."""
+    return path.startswith("effect.") and path.endswith(".time")
+
+
 def acts_on_outputs(path: str) -> bool:
     """Whether how measured values follow from the motion depends on a number: where sensors sit, how they err."""
     steps = path.split(".")
