@@ -5,6 +5,8 @@ import pytest
 
 import bha
 from bha.checkup.held import that_move
+from bha.checkup.rivals import _rivals
+from bha.parameters import EFFECT_KINDS
 
 from .made_logs import arm_of, log_of, nominal, steps
 
@@ -98,3 +100,18 @@ def test_the_head_of_one_section_does_not_tell_and_that_is_said() -> None:
     found = bha.check(arm, log)
     assert found.faults == ()
     assert any("sign of gravity" in text for text in found.untold)
+
+
+def test_rival_physics_is_what_an_effect_may_be_of_any_arm() -> None:
+    """A large arm resists its bending by more than a spring between sections may, and is filled to more."""
+    mapping = nominal(2)
+    for section in mapping["section"]:
+        section.update(stiffness=[9e5], bellows_radius=0.4, pressure_range=[1.0e5, 9.0e5])
+    allowed = {(kind, n.name): (n.low, n.high) for kind in EFFECT_KINDS for n in EFFECT_KINDS[kind].parameters}
+    for arm, free in _rivals(arm_of(mapping)):
+        kind = arm.parameters.effects[-1].kind
+        for own in free:
+            low, high = allowed[kind, own.path.rpartition(".")[2]]
+            assert own.lower is not None
+            assert own.upper is not None
+            assert low <= own.lower <= own.upper <= high

@@ -113,7 +113,9 @@ def _tried(
     if score(before, filed) - left < GAIN or base - left < (BETTER if verdict.causes else GAIN):
         return None
     shares = [[_least_explained(layout, one, i) for i in sections] for one in (before, after)]
-    if min(shares[1]) < LEAST_EXPLAINED or any(y < x - MOST_SPOILED for x, y in zip(*shares, strict=True)):
+    # An arm that swings follows its pressures by no linear map: what one explains is what there is to be explained.
+    could = [_least_explained(layout, after, i, of_free=True) for i in sections]
+    if min(could) < LEAST_EXPLAINED or any(y < x - MOST_SPOILED for x, y in zip(*shares, strict=True)):
         return None
     named = logs[0].length_names
     return Crossed(
@@ -125,10 +127,14 @@ def _tried(
     )
 
 
-def _least_explained(layout: Layout, found: Evidence, section: int) -> float:
-    """The least share of a section's motions by lengths that the file explains; 1 where none counts."""
+def _least_explained(layout: Layout, found: Evidence, section: int, *, of_free: bool = False) -> float:
+    """The least share of a section's motions by lengths that the file explains; 1 where none counts.
+
+    With ``of_free`` the share of what a free linear map of the pressures does.
+    """
     told = explained_shares(found, as_filed(layout), (section,))
-    return min((share for (group, _, _), share in told.items() if group == "lengths"), default=1.0)
+    own = [(key, share) for key, share in told.items() if key[0] == "lengths"]
+    return min((share / max(found.free[key], share) if of_free else share for key, share in own), default=1.0)
 
 
 def _doubted(layout: Layout, found: Evidence) -> set[int]:

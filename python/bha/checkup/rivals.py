@@ -21,7 +21,7 @@ import numpy as np
 
 from bha.checkup.held import held_fit
 from bha.estimation.free import FreeParameter
-from bha.parameters import Place
+from bha.parameters import EFFECT_KINDS, Place
 
 if TYPE_CHECKING:
     from bha.arm import Arm
@@ -70,12 +70,15 @@ def _rivals(arm: Arm) -> Iterator[tuple[Arm, list[FreeParameter]]]:
     ):
         if not places:
             continue
+        # Those of an arm may be more than such an effect can have.
+        allowed = next(number for number in EFFECT_KINDS[kind].parameters if number.name == key)
+        lower, upper = max(low, allowed.low), min(high, allowed.high)
         own = arm.parameters.effects
         effects: list[EffectParameters | Mapping[str, Any]]
-        effects = [*own, *({"kind": kind, "where": place, key: begin} for place in places)]
+        effects = [*own, *({"kind": kind, "where": place, key: min(begin, upper)} for place in places)]
         free = [
             FreeParameter(
-                f"effect.{k}.{key}", lower=low, upper=high, prior=(0.0, spread), logarithmic=False, scale=spread
+                f"effect.{k}.{key}", lower=lower, upper=upper, prior=(0.0, spread), logarithmic=False, scale=spread
             )
             for k in range(len(own) + 1, len(effects) + 1)
         ]

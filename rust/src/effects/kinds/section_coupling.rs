@@ -22,8 +22,8 @@ impl<T: Real> Effect<T> for SectionCoupling<T> {
     const SUMMARY: &'static str = "spring between the bending of a section and the next";
     const PLACES: &'static [PlaceKind] = &[PlaceKind::All, PlaceKind::Section];
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("stiffness", "N m/rad", -100.0..=100.0, "stiffness k between the bending angles"),
-        Parameter::new("damping", "N m s/rad", 0.0..=100.0, "damping between their rates").or(0.0),
+        Parameter::new("stiffness", "N m/rad", -1e4..=1e4, "stiffness k between the bending angles"),
+        Parameter::new("damping", "N m s/rad", 0.0..=1e4, "damping between their rates").or(0.0),
     ];
 
     fn new(definition: &Definition, values: &[T]) -> Self {
