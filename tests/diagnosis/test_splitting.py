@@ -9,7 +9,7 @@ import pytest
 
 import bha
 from bha.diagnosis.result import Alternative, Diagnosis, Effect, Gap, Number
-from bha.diagnosis.splitting import apart, arms_of_class, split
+from bha.diagnosis.splitting import Shown, apart, arms_of_class, split
 from bha.diagnosis.words import experiment_in_words
 from bha.diagnosis.written import NEXT_EXPERIMENT, RESULTS, experiment_of
 
@@ -66,16 +66,16 @@ def test_distances_count_in_noise_and_a_twin_is_at_none() -> None:
     pressures = 1.2e5 + 2e4 * np.sin(2 * np.pi * np.array([0.3, 0.5, 0.7]) * time[:, None])
     effect = named(TILT)
     members = [a for _, a in arms_of_class(arm(), effect)]
-    far = apart(members, effect, time, pressures, OBSERVATION, NOISE)
+    far = apart(members, time, pressures, Shown(OBSERVATION, NOISE))
     assert far > 1.0
-    assert apart(members, effect, time, pressures, OBSERVATION, NOISE / 2) == pytest.approx(2.0 * far, rel=1e-9)
-    assert apart([members[0], members[0]], effect, time, pressures, OBSERVATION, NOISE) == 0.0
+    assert apart(members, time, pressures, Shown(OBSERVATION, NOISE / 2)) == pytest.approx(2.0 * far, rel=1e-9)
+    assert apart([members[0], members[0]], time, pressures, Shown(OBSERVATION, NOISE)) == 0.0
     # What a refit would take is not told: another strength of the same effect.
     stronger = arm().with_effects([{"kind": "weak_bellows", "where": "bellows 12", "change": -0.2505}])
-    assert apart([members[0], stronger], effect, time, pressures, OBSERVATION, NOISE) < 0.02
+    assert apart([members[0], stronger], time, pressures, Shown(OBSERVATION, NOISE)) < 0.02
     # Under constant pressures nothing moves, and poses alone tell next to nothing after a refit.
     still = np.repeat([[1.1e5, 1.2e5, 1.1e5]], len(time), axis=0)
-    assert apart(members, effect, time, still, OBSERVATION, NOISE) < 1e-3 * far
+    assert apart(members, time, still, Shown(OBSERVATION, NOISE)) < 1e-3 * far
 
 
 def test_a_proposal_is_a_log_of_commands_within_the_range(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_a_number_on_its_bound_is_varied_to_the_other_side() -> None:
     pressures = 1.2e5 + 2e4 * np.sin(2 * np.pi * np.array([0.3, 0.5, 0.7]) * time[:, None])
     greatest = {"kind": "tool_drag", "where": "section 1", "stiffness": 10000.0, "damping": 0.0, "drag": 0.0}
     members = [arm(), one_section().with_effects([greatest])]
-    assert np.isfinite(apart(members, named(TILT), time, pressures, OBSERVATION, NOISE))
+    assert np.isfinite(apart(members, time, pressures, Shown(OBSERVATION, NOISE)))
 
 
 def test_a_class_of_an_arm_with_a_number_that_no_arm_has_is_not_split() -> None:
@@ -116,5 +116,4 @@ def test_a_class_of_an_arm_with_a_number_that_no_arm_has_is_not_split() -> None:
         [{"kind": "weak_bellows", "where": "bellows 11", "change": -0.2}]
     )
     time, pressures = np.linspace(0.0, 1.0, 11), np.full((11, 3), 1.2e5)
-    effect = Effect(kind="weak_bellows", where="bellows 11", parameters={}, confidence=1.0, alone=1.0, gap_removed=1.0)
-    assert np.isnan(apart([absurd, absurd], effect, time, pressures, OBSERVATION, 1e-4))
+    assert np.isnan(apart([absurd, absurd], time, pressures, Shown(OBSERVATION, 1e-4)))

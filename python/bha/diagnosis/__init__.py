@@ -157,13 +157,15 @@ def diagnose(
             told = slowness.lag_or_damping(outcome.diagnosis, diagnosed, outcome.baseline.problem.records)
             outcome = replace(outcome, diagnosis=told)
         setup = [*checkup.repairs, *outcome.diagnosis.setup]
-        proposal = split(diagnosed, outcome.diagnosis, outcome.holdout.problem.records[0].observation, seed)
+        say = progress or (lambda text, share: None)
+        say("looking for pressures that tell more", None)
+        observation = outcome.holdout.problem.records[0].observation
+        proposal = split(diagnosed, outcome.diagnosis, observation, seed, outcome.model.integration)
         experiment = None if proposal is None else written.experiment_of(proposal, folder)
         update = {"made": made, "setup": setup, "next_experiment": experiment}
         force: Unexplained | None = None
         if outcome.diagnosis.verdict == "unexplained" or outcome.diagnosis.disturbed:
-            if progress is not None:
-                progress("estimating the residual force", None)
+            say("estimating the residual force", None)
             force = force_summary.unexplained(outcome, diagnosed)
             if folder is not None:
                 force = force_summary.write_force(force, folder)

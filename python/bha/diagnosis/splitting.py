@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from bha.simulation import simulate_batch
 
 if TYPE_CHECKING:
     from bha.diagnosis.result import Diagnosis, Effect
+    from bha.estimation.runs import Integration
     from bha.recordings import Observation
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ Array = NDArray[np.float64]
 TOLD = 6.0
 #: Members of a class that are set apart, at the most: the likeliest.
 MOST_MEMBERS = 4
+#: Programmes that are looked into, of those under which the members differ most.
+MOST_PROGRAMMES = 4
 #: Length of a programme, s, and rows a second that are compared.
 DURATION, RATE, ROWS = 30.0, 100.0, 25.0
 #: Relative change for differences.
@@ -74,14 +77,20 @@ class Splitting:
         return commands(self.time, self.pressures, self.inputs, origin="<next experiment>")
 
 
-def split(arm: Arm, found: Diagnosis, observation: Observation, seed: int = 0) -> Splitting | None:
+def split(
+    arm: Arm, found: Diagnosis, observation: Observation, seed: int = 0, integration: Integration | None = None
+) -> Splitting | None:
     """Pressures that would split the first class of a diagnosis; None where there is none that can be simulated.
+
+    What the members do under a programme costs little beside what plain numbers make up for; that is asked of the few
+    programmes under which they differ most.
 
     Args:
         arm: the diagnosed arm, with all that was named as its last effects.
         found: the diagnosis.
         observation: what is measured of the arm.
         seed: of the programmes.
+        integration: of its model; with adaptive steps if None.
     """
     # Pressures alone never split lag from damping: near a pose the two change places and nothing shows.
     effect = next((e for e in found.missing if e.one_of and not e.slow), None)
@@ -90,16 +99,66 @@ def split(arm: Arm, found: Diagnosis, observation: Observation, seed: int = 0) -
     members = arms_of_class(arm, effect)
     if len(members) < 2:
         return None
+    arms, shown = [a for _, a in members], Shown(observation, found.gap.noise, integration)
+    made = [own for programme in _programmes(seed) if (own := bounded(arm, programme)) is not None]
+    differ = [nearest(shown.of(arms, *own)) for own in made]
     best: Splitting | None = None
-    for programme in _programmes(seed):
-        made = bounded(arm, programme)
-        if made is None:
-            continue
-        time, pressures = made
-        distance = apart([a for _, a in members], effect, time, pressures, observation, found.gap.noise)
+    for k in np.argsort([-d if np.isfinite(d) else np.inf for d in differ], kind="stable")[:MOST_PROGRAMMES]:
+        time, pressures = made[k]
+        distance = apart(arms, time, pressures, shown)
         if np.isfinite(distance) and (best is None or distance > best.distance):
             best = Splitting(time, pressures, arm.inputs, tuple(name for name, _ in members), float(distance))
     return best
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How arms are shown.
+
+    Attributes:
+        observation: what is measured of them.
+        noise: RMS error of a right model, m.
+        integration: how they are simulated; with adaptive steps if None.
+    """
+
+    observation: Observation
+    noise: float
+    integration: Integration | None = None
+
+    def of(self, arms: Sequence[Arm], time: Array, pressures: Array) -> Array | None:
+        """Outputs of arms in noises, one row each, under pressures from where they stand; None where one diverges."""
+        how: dict[str, Any] = {}
+        if self.integration is not None:
+            how = {"method": self.integration.method, "step": self.integration.length()}
+            how["threads"] = self.integration.threads
+        try:
+            starts = [np.concatenate([a.static_lengths(pressures[0]), np.zeros(3 * a.section_count)]) for a in arms]
+            batch = simulate_batch(
+                arms,
+                Input(time, pressures),
+                np.array(starts),
+                times=np.arange(0.0, time[-1], 1.0 / ROWS),
+                head_positions=self.observation.needs_positions,
+                measured=True,
+                warn=False,
+                **how,
+            )
+        except BhaError:
+            return None
+        if any(batch.failures):
+            return None
+        predicted = self.observation.predicted(batch.lengths, batch.head_positions)
+        return np.asarray(predicted.reshape(len(arms), -1) / self.noise)
+
+
+def nearest(outputs: Array | None, without: Array | None = None) -> float:
+    """How far apart the nearest two rows are, beyond orthonormal directions (numbers, k); NaN where there are none."""
+    if outputs is None:
+        return float("nan")
+    differences = [a - b for a, b in combinations(outputs, 2)]
+    if without is not None:
+        differences = [own - without @ (without.T @ own) for own in differences]
+    return float(min(np.linalg.norm(own) for own in differences))
 
 
 def arms_of_class(arm: Arm, effect: Effect) -> list[tuple[str, Arm]]:
@@ -120,60 +179,27 @@ def arms_of_class(arm: Arm, effect: Effect) -> list[tuple[str, Arm]]:
     return members
 
 
-def apart(
-    members: Sequence[Arm],
-    effect: Effect,
-    time: Array,
-    pressures: Array,
-    observation: Observation,
-    noise: float,
-) -> float:
-    """How far apart the nearest two of the arms would be found, in standard deviations; NaN where one diverges."""
+def apart(members: Sequence[Arm], time: Array, pressures: Array, shown: Shown) -> float:
+    """How far apart the nearest two of the arms would be found, in standard deviations; NaN where one diverges.
+
+    Beyond what other plain numbers of the first one, and other numbers of the last effect of each, would make up for.
+    """
     try:
         coordinates = resolve(members[0].parameters, default_free(members[0].parameters))
-        zero = np.zeros(len(coordinates))
-        varied: list[Arm] = []
-        for k in range(len(coordinates)):
-            changed = zero.copy()
-            changed[k] = CHANGE
-            varied.append(Arm(apply(members[0].parameters, coordinates, changed)))
-        stronger = [_stronger(member) for member in members]
-        varied += [arm for arms in stronger for arm in arms]
-        rows = np.arange(0.0, time[-1], 1.0 / ROWS)
-        drive = Input(time, pressures)
-        arms = [*members, *varied]
-        starts = [np.concatenate([a.static_lengths(pressures[0]), np.zeros(3 * a.section_count)]) for a in arms]
-        batch = simulate_batch(
-            arms,
-            drive,
-            np.array(starts),
-            times=rows,
-            head_positions=observation.needs_positions,
-            measured=True,
-            warn=False,
-        )
+        steps = CHANGE * np.eye(len(coordinates))
+        varied = [Arm(apply(members[0].parameters, coordinates, step)) for step in steps]
     except BhaError:
         return float("nan")
-    if any(batch.failures):
+    stronger = [_stronger(member) for member in members]
+    outputs = shown.of([*members, *varied, *(arm for arms in stronger for arm in arms)], time, pressures)
+    if outputs is None:
         return float("nan")
-    heads = batch.head_positions
-    outputs = observation.predicted(batch.lengths, heads).reshape(len(arms), -1) / noise
-    base, sensitivities = outputs[: len(members)], outputs[len(members) :]
-    columns = [sensitivities[k] - base[0] for k in range(len(coordinates))]
-    place = len(coordinates)
-    for own, more in zip(base, stronger, strict=True):
-        columns += [sensitivities[place + j] - own for j in range(len(more))]
-        place += len(more)
-    taken = np.array(columns).T
+    base, changed = outputs[: len(members)], outputs[len(members) :]
+    beside = np.repeat([0, *range(len(members))], [len(varied), *map(len, stronger)])
+    taken = (changed - base[beside]).T
     taken = taken / np.maximum(np.linalg.norm(taken, axis=0), 1e-300)
     orthonormal, triangle = np.linalg.qr(taken)
-    kept = orthonormal[:, np.abs(np.diag(triangle)) > 1e-9]
-    worst = np.inf
-    for a, b in combinations(range(len(members)), 2):
-        difference = base[a] - base[b]
-        rest = difference - kept @ (kept.T @ difference)
-        worst = min(worst, float(np.linalg.norm(rest)))
-    return worst
+    return nearest(base, orthonormal[:, np.abs(np.diag(triangle)) > 1e-9])
 
 
 def _stronger(arm: Arm) -> list[Arm]:
