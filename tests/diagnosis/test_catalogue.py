@@ -61,3 +61,16 @@ def test_what_no_arm_can_have_is_no_look_alike() -> None:
         assert plans[kind].is_plausible(strengths, {"tau": 0.04}), kind
     for kind, strengths in impossible:
         assert not plans[kind].is_plausible(strengths, {}), kind
+
+
+def test_a_band_that_takes_noise_off_is_no_candidate() -> None:
+    (plan,) = catalogue.beyond_noise(catalogue.available(["valve_dead_band"]), 500.0)
+    (shape,) = plan.shapes
+    assert shape.grid == (3000.0, 8000.0)
+    assert shape.low == 2000.0
+    (wide,) = catalogue.beyond_noise(catalogue.available(["valve_dead_band"]), 5000.0)
+    assert wide.shapes[0].grid == (20000.0,)
+    # Commands have no noise, and other kinds are as they were.
+    assert catalogue.beyond_noise([plan], 0.0)[0].shapes[0].grid == shape.grid
+    others = catalogue.available(["creep", "pressure_lag"])
+    assert catalogue.beyond_noise(others, 500.0) == others

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from bha.diagnosis.plan import PLACES, KindPlan, Numbers, Shape, Strength
 from bha.errors import InputError
@@ -30,6 +31,8 @@ HOSE_PROBE, HOSE_REACH = 0.5, 0.3
 #: How far a base plausibly leans that was put up by eye, rad, and a marker stands from where the file has it, m: what
 #: leans or stands farther off is seen, and stands in for what is not.
 TILT, MARKER = 0.1, 0.02
+#: The kind of a band, and the deviations of the pressures' noise that lie within one that takes it off.
+BAND, BAND_NOISES = "valve_dead_band", 4.0
 #: A time constant that is none, s.
 AT_ONCE = 1e-4
 
@@ -225,7 +228,7 @@ PLANS: tuple[KindPlan, ...] = (
     KindPlan("delay", ("all", "input"), (Strength("time", 0.02),), parts="input"),
     # Where heads alone are measured, late inputs are the same.
     KindPlan("delay", ("heads",), (Strength("time", 0.02),), needs_heads=True, needs_lengths=True),
-    KindPlan("valve_dead_band", INPUT, (), (Shape("band", (300.0, 1000.0, 3000.0, 8000.0)),), parts="input"),
+    KindPlan(BAND, INPUT, (), (Shape("band", (300.0, 1000.0, 3000.0, 8000.0)),), parts="input"),
     KindPlan("pressure_offset", ("input",), (Strength("offset", 2e3, signed=True),)),
     KindPlan("pressure_gain", ("input",), (Strength("gain", 0.05, signed=True),)),
     KindPlan("leak", INPUT, (Strength("drop", 2e3),), parts="input"),
@@ -277,3 +280,20 @@ def available(kinds: Sequence[str] | None = None) -> list[KindPlan]:
         if kind not in names:
             raise InputError(f"kinds: {kind!r} is no candidate; allowed: {', '.join(names)}")
     return [plan for plan in known if plan.kind in kinds]
+
+
+def beyond_noise(plans: Sequence[KindPlan], noise: float) -> list[KindPlan]:
+    """The plans without bands that are a filter of what pressures are read with, ``noise``, Pa.
+
+    A narrower band takes noise off whatever the valves do: an arm that noise makes ring is predicted better with it.
+    """
+    least = BAND_NOISES * noise
+    return [
+        replace(plan, shapes=tuple(_above(s, least) for s in plan.shapes)) if plan.kind == BAND else plan
+        for plan in plans
+    ]
+
+
+def _above(shape: Shape, least: float) -> Shape:
+    """The shape with no value below some; that one is tried where the grid has none beyond it."""
+    return replace(shape, grid=tuple(v for v in shape.grid if v > least) or (least,), low=max(shape.low, least))

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.rules import MATERIAL
-from bha.diagnosis.smoothing import filtered
+from bha.diagnosis.smoothing import errors_left
 from bha.estimation.alone import sensors_alone_from
 from bha.estimation.bands import (
     BAND_COEFFICIENTS,
@@ -49,9 +49,7 @@ def disturbed_outputs(problem: Problem, fit: Fit, seed: int) -> list[list[Array]
         if not record.has_unsure_pressures:
             continue
         for _ in range(DRAWS):
-            noise = record.pressure_errors(rng)
-            if record.pressure_taps is not None:
-                noise = filtered(noise, record.pressure_taps)
+            noise = errors_left(record.pressure_errors(rng), record)
             runs.append(replace(run, drive=record.driven_by(record.drive.pressures + noise)))
     outputs = iter(fit.model.integration.run(runs))
     result: list[list[Array]] = []

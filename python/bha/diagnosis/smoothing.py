@@ -1,8 +1,17 @@
-"""Measured pressures without the noise above what a chamber can do.
+"""Measured pressures without the noise that stands out of them: the best guess of what acted.
 
-What: a zero-phase low-pass filter whose cut-off is where the spectra of the logged pressures sink to their noise, the
-same for all channels and logs. The arm hardly follows noise that fast; effects that feed on it (dead bands) would.
-Validity: regular sampling. Steps that fill the whole spectrum leave the logs as they are.
+What: Wiener's filter of each channel and log, its spectrum less that of white noise over its spectrum, in bands of
+frequency; where a spectrum is noise alone nothing is left of it, and where it stands far out of it all is. Pressures
+that stand still for a while have another spectrum than those that move: what is faster than ``SLOW`` is kept as far as
+it has, over ``WINDOW`` s around, more of a square than noise has.
+Why: a model that is driven by noise swings with it, where the arm did not, and a fit damps the swing: five times the
+damping, from logs whose pressures hardly move at the frequency at which the arm rings (errors in variables; a guess
+that errs independently of itself has no such bias, Berkson 1950). Effects that feed on noise, dead bands, would too.
+Source: Wiener, *Extrapolation, Interpolation, and Smoothing of Stationary Time Series* (1949); spectral subtraction;
+the second step is Lee's, IEEE Trans. Pattern Anal. Mach. Intell. 2(2) (1980) 165-168, in time.
+Noise that differences of neighbouring readings tell is motion where readings are few: no more counts than the upper
+half of frequencies holds.
+Validity: regular sampling, white noise.
 """
 
 from __future__ import annotations
@@ -12,65 +21,111 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
-from scipy.signal import firwin
+from scipy.fft import dct, idct
+from scipy.ndimage import uniform_filter1d
 
 from bha.estimation.bands import frequencies
 from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
 
-#: Width of the bins in which spectra are averaged, Hz.
-BIN = 1.0
-#: Power over that of noise from which on a bin holds pressure.
-ABOVE_NOISE = 2.0
-#: Cut-off over the highest frequency that holds pressure, and the least cut-off, Hz.
-MARGIN, LEAST_CUT = 1.4, 10.0
-#: Greatest cut-off as a share of the sampling rate: above it a filter gains nothing.
-MOST_SHARE = 0.3
+#: Width of the bands in which spectra are averaged, Hz, and fewest coefficients of one.
+BIN, FEWEST = 0.5, 20
+#: Power over that of noise up to which a band holds nothing else, and from which on it is left as it is.
+NOISE_ALONE, FAR_OUT = 1.5, 10.0
+#: What is slower than this frequency stays, Hz; over how long what is faster is judged, s, and by how many times the
+#: square of noise it must have to be any of it.
+SLOW, WINDOW, MUCH = 0.7, 1.0, 2.0
+#: By how much of a log its slope at an end is told, s.
+END = 0.2
+#: Fewest rows of a log, and by which part of it the distance of two may differ from the others.
+FEWEST_ROWS, REGULAR = 200, 0.02
+#: Distance of readings, in steps between rows, from which on rows between them are made up.
+FAR_APART = 1.5
 
 
 def smoothed(records: Sequence[Record]) -> list[Record]:
-    """The records with their pressures filtered, and the filter's taps; as they are where that gains nothing."""
-    tops = [_highest_frequency(record) for record in records]
-    if any(top is None for top in tops):
-        return list(records)
-    cut = max(LEAST_CUT, MARGIN * max(float(top) for top in tops if top is not None))
-    result = []
-    for record in records:
-        step = float(np.median(np.diff(record.drive.time)))
-        if cut * step > MOST_SHARE:
-            return list(records)
-        taps = firwin(2 * round(1.6 / (cut * step)) + 1, 2.0 * cut * step)
-        if len(taps) > len(record.drive.time) // 4:
-            return list(records)
-        result.append(
-            replace(record, drive=record.driven_by(filtered(record.drive.pressures, taps)), pressure_taps=taps)
-        )
-    return result
+    """The records with their pressures filtered, and what was kept; as they are where that is not told."""
+    return [_smoothed(record) for record in records]
 
 
-def filtered(values: Array, taps: Array) -> Array:
-    """``values`` (rows, k) through a symmetric filter; both ends are continued point-symmetrically."""
-    half = len(taps) // 2
-    padded = np.pad(values, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-    return np.column_stack([np.convolve(column, taps, mode="valid") for column in padded.T])
+def errors_left(noise: Array, record: Record) -> Array:
+    """What is left of noise of a record's pressures, Pa, shape (samples, inputs), once they have been filtered.
+
+    A best guess errs by signal and noise alike: its error has their harmonic mean.
+    """
+    if record.pressure_gain is None or record.pressure_share is None:
+        return noise
+    return _passed(noise, _step(record.drive.time), np.sqrt(record.pressure_gain), np.sqrt(record.pressure_share))
 
 
-def _highest_frequency(record: Record) -> float | None:
-    """Highest frequency at which some pressure stands out of its noise, Hz; None where that cannot be said."""
-    steps = np.diff(record.drive.time)
-    step = float(np.median(steps))
-    if np.any(record.pressure_noise <= 0.0) or np.any(np.abs(steps - step) > 0.02 * step) or len(steps) < 200:
-        return None
-    power = (dct(record.drive.pressures, axis=0, norm="ortho") / record.pressure_noise) ** 2
-    frequency = frequencies(len(record.drive.time), step)
-    bins = (frequency / BIN).astype(int)
-    count = np.bincount(bins)
-    highest = 0.0
-    for column in power.T:
-        mean = np.bincount(bins, weights=column) / count
-        above = np.flatnonzero(mean > ABOVE_NOISE)
-        if len(above):
-            highest = max(highest, (float(above[-1]) + 1.0) * BIN)
-    return highest
+def _smoothed(record: Record) -> Record:
+    time, pressures = record.drive.time, record.drive.pressures
+    step = _step(time)
+    regular = len(time) >= FEWEST_ROWS and not np.any(np.abs(np.diff(time) - step) > REGULAR * step)
+    # Between readings that are far apart there is a curve, and no noise of its own.
+    dense = all(fact.interval < FAR_APART * step for fact in record.pressure_facts)
+    if not regular or not dense or not np.any(record.pressure_noise > 0.0):
+        return record
+    width = max(BIN, FEWEST * 0.5 / (step * len(time)))
+    bands = (frequencies(len(time), step) / width).astype(int)
+    counts = np.bincount(bands)
+    # A slope at an end would be a kink of the cosines, and stand in all of them.
+    sloped = _sloped(time, pressures)
+    level = pressures - sloped
+    power = [np.bincount(bands, weights=own**2) / counts for own in dct(level.T, norm="ortho")]
+    # No band has less than the noise.
+    most = [float(np.median(own[len(own) // 2 :])) for own in power]
+    noise = np.minimum(record.pressure_noise, np.sqrt(most))
+    gain = np.column_stack([_kept(own, deviation)[bands] for own, deviation in zip(power, noise, strict=True)])
+    fast = _fast(len(time), step)[:, None]
+    share = _share(_by_frequency(level, fast * gain), noise**2 * np.mean((fast * gain) ** 2, axis=0), step)
+    found = replace(record.with_pressure_noise(noise), pressure_gain=gain, pressure_share=share)
+    return replace(found, drive=record.driven_by(sloped + _passed(level, step, gain, share)))
+
+
+def _passed(values: Array, step: float, gain: Array, share: Array) -> Array:
+    """``values`` (rows, k) with a gain at each frequency, and a share of what is fast at each row, both (rows, k)."""
+    fast = _by_frequency(values, _fast(len(values), step)[:, None] * gain)
+    return np.asarray(_by_frequency(values, gain) + (share - 1.0) * fast)
+
+
+def _by_frequency(values: Array, gain: Array) -> Array:
+    return np.asarray(idct(gain * dct(values, axis=0, norm="ortho"), axis=0, norm="ortho"))
+
+
+def _fast(rows: int, step: float) -> Array:
+    """Part of each cosine coefficient that is fast, shape (rows,)."""
+    ratio = (frequencies(rows, step) / SLOW) ** 4
+    return np.asarray(ratio / (1.0 + ratio))
+
+
+def _share(fast: Array, noise: Array, step: float) -> Array:
+    """What is kept of what is fast, at each row, shape (rows, k), of which noise has the square ``noise``, (k,)."""
+    square = uniform_filter1d(fast**2, max(1, round(WINDOW / step)), axis=0, mode="reflect")
+    kept = (1.0 - MUCH * noise / np.maximum(square, 1e-300)) / (1.0 - MUCH / FAR_OUT)
+    return np.asarray(np.clip(kept, 0.0, 1.0))
+
+
+def _step(time: Array) -> float:
+    return float(np.median(np.diff(time)))
+
+
+def _sloped(time: Array, values: Array) -> Array:
+    """Parabolas with the slopes that values (rows, k) have at both ends, by lines through ``END`` s of them."""
+    since, whole = time - time[0], float(time[-1] - time[0])
+    near = [since <= END, since >= whole - END]
+    first, last = (np.polyfit(since[own], values[own], 1)[0] for own in near)
+    return np.asarray(np.outer(since, first) + np.outer(0.5 * since**2 / whole, last - first))
+
+
+def _kept(power: Array, noise: float) -> Array:
+    """What is kept of the cosine coefficients of a channel in each band, of which ``power`` is the mean square."""
+    if noise <= 0.0:
+        return np.ones(len(power))
+    above = power / noise**2
+    kept = np.where(above > NOISE_ALONE, 1.0 - 1.0 / np.maximum(above, 1.0), 0.0)
+    kept[above > FAR_OUT] = 1.0
+    # What stands still has all its power in the mean.
+    kept[0] = 1.0
+    return np.asarray(kept)

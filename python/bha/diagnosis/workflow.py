@@ -215,7 +215,8 @@ def _searched(ground: Ground, course: Course, kinds: Sequence[str] | None) -> Fo
     before, gap = ground.tested(state.plain, course.limits)
     if ground.remembers:
         state.notes.append("the arm remembers: beside the form of its memory no further effect is sought")
-    plans = catalogue.available(kinds)
+    noise = max(float(np.max(record.pressure_noise)) for record in ground.train)
+    plans = catalogue.beyond_noise(catalogue.available(kinds), noise)
     plans = [p for p in plans if (ground.heads or not p.needs_heads) and (ground.lengths or not p.needs_lengths)]
     signatures = Signatures((), (), np.empty((problem.rows, 0), dtype=np.float32))
     beside: Unlogged | None = None
