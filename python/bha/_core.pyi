@@ -467,6 +467,7 @@ def simulate_batch(
     members: Sequence[tuple[int, int, int]],
     start: ArrayLike,
     state: ArrayLike | None = None,
+    moved: ArrayLike | None = None,
     *,
     method: str = "auto",
     step: float = 1e-3,

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import bha
 from bha.diagnosis import describe, model, preparation, smoothing
+from bha.diagnosis.baseline import Prepared
 from bha.estimation import derived
 from bha.estimation.records import Record
 
@@ -37,6 +40,52 @@ def test_pressures_lose_their_noise_and_keep_what_a_chamber_does() -> None:
     wave = np.sin(2.0 * np.pi * 2.0 * time[middle])
     gain = 2.0 * np.mean(smooth.drive.pressures[middle, 0] * wave) / 2e4
     assert gain == pytest.approx(1.0, abs=0.01)
+
+
+def test_noise_is_gone_where_pressures_do_not_move_and_readings_apart_stay() -> None:
+    rng = np.random.default_rng(5)
+    time = np.arange(4000) * SAMPLE_TIME
+    slow = 1.2e5 + 2e4 * np.sin(2.0 * np.pi * 0.2 * time)[:, None]
+    noisy = slow + 200.0 * rng.standard_normal(slow.shape)
+    # Told far too great, as differences of few readings tell it.
+    given = record_of(time, np.zeros_like(slow), noisy, pressure_noise=2000.0)
+    (smooth,) = smoothing.smoothed([given])
+    assert smooth.pressure_noise[0] == pytest.approx(200.0, rel=0.05)
+    left = np.fft.rfft((smooth.drive.pressures - slow)[:, 0]) / np.fft.rfft((noisy - slow)[:, 0])
+    ringing = slice(round(2.0 * time[-1]), round(8.0 * time[-1]))
+    assert np.sqrt(np.mean(np.abs(left[ringing]) ** 2)) < 0.2
+    assert np.std(smooth.drive.pressures - slow) < 0.2 * 200.0
+    # What stands still for a while is still, and a step between stays as steep as it was.
+    steps = np.where((time > 5.0) & (time < 10.0), 1.4e5, 1.1e5)[:, None]
+    stepped = record_of(
+        time, np.zeros_like(slow), steps + 200.0 * rng.standard_normal(slow.shape), pressure_noise=200.0
+    )
+    (found,) = smoothing.smoothed([stepped])
+    still = (np.abs(time - 5.0) > 2.2) & (np.abs(time - 10.0) > 2.2)
+    assert np.std((found.drive.pressures - steps)[still]) < 0.25 * 200.0
+    near = np.flatnonzero(np.abs(time - 5.0) < 0.1)
+    assert np.abs(found.drive.pressures - stepped.drive.pressures)[near].max() < 0.1 * 3e4
+    # Draws of noise are as much less where nothing of it is left.
+    left_over = smoothing.errors_left(200.0 * rng.standard_normal(slow.shape), found)
+    assert np.std(left_over[still]) < 0.5 * 200.0
+    # Between readings that are farther apart than rows there is nothing to be filtered.
+    facts = tuple(replace(fact, interval=20 * SAMPLE_TIME) for fact in given.pressure_facts)
+    (same,) = smoothing.smoothed([replace(given, pressure_facts=facts)])
+    assert same.pressure_gain is None
+
+
+def test_noise_is_no_more_than_what_a_model_leaves() -> None:
+    time = np.arange(400) * 0.1
+    rng = np.random.default_rng(7)
+    shown = 0.2 + 0.05 * np.sin(time)[:, None] * np.ones(3)
+    rec = record_of(time, shown + 2e-4 * rng.standard_normal(shown.shape), np.full((400, 3), 1e5), noise=3e-3)
+    prepared = Prepared((rec,), (rec,), (np.zeros(6),), 0.01, 0.01, 0.0)
+    found = prepared.quieter([shown])
+    assert found.records[0].noise == pytest.approx(np.full(3, 2e-4), rel=0.1)
+    assert found.quieter([shown]) is found
+    # Of rows that went through a filter less is left than readings are off.
+    thinned = replace(rec, thinning=2)
+    assert Prepared((thinned,), (rec,), (np.zeros(6),), 0.01, 0.01, 0.0).quieter([shown]).records == (thinned,)
 
 
 def test_noise_free_commands_in_steps_stay_as_they_are() -> None:

@@ -51,7 +51,7 @@ def test_heads_alone_tell_lengths_and_rates_anywhere_in_a_log() -> None:
     # The first one begins with a jump of the acceleration.
     for part, state in zip(parts[1:], states[1:], strict=True):
         assert state[:9] == pytest.approx(run.lengths[part.first], abs=3e-4)
-        assert state[9:] == pytest.approx(run.velocities[part.first], abs=0.2 * np.abs(run.velocities).max())
+        assert state[9:18] == pytest.approx(run.velocities[part.first], abs=0.2 * np.abs(run.velocities).max())
 
 
 def test_rare_rows_make_long_pieces_and_dropouts_none() -> None:
@@ -150,5 +150,5 @@ def test_a_pose_in_which_no_length_is_left_between_stiff_pieces_is_refused_by_na
     record = record_of(TIME, np.zeros((len(TIME), 3)), np.zeros((len(TIME), 3)), name="rest.csv")
     state = np.concatenate([[0.08, 0.09, 0.1, -0.003, -0.001, -0.002], np.zeros(6)])
     with pytest.raises(ConvergenceError, match=r"rest.csv: begins where .* section 2 would be -2.0 mm long"):
-        refuse_impossible([record], [state])
-    refuse_impossible([record], [np.abs(state)])
+        refuse_impossible([record], [state], 2)
+    refuse_impossible([record], [np.abs(state)], 2)

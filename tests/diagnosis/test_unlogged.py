@@ -188,19 +188,21 @@ def test_what_effects_remove_is_the_search_s_own(verdict: str, closure: float) -
 
 
 @pytest.mark.parametrize(
-    ("before", "changes", "named"),
+    ("before", "changes", "verdict"),
     [
-        (1.6e-3, {}, True),
-        # Of two errors that are hardly unlike the effect is not told.
-        (1.2e-3, {}, False),
+        (1.6e-3, {}, "named"),
+        # Of two errors that are hardly unlike there is no name, and no gap either.
+        (1.2e-3, {}, "equivalent"),
         # What is left follows something: the effect is not all that is missing.
-        (1.6e-3, {"explained": 0.3, "by_chance": 0.005}, False),
+        (1.6e-3, {"explained": 0.3, "by_chance": 0.005}, "unexplained"),
+        (1.2e-3, {"explained": 0.3, "by_chance": 0.005}, "unexplained"),
     ],
 )
 def test_an_effect_above_a_disturbance_is_named_though_the_disturbance_stays(
-    before: float, changes: dict[str, float], named: bool
+    before: float, changes: dict[str, float], verdict: str
 ) -> None:
     given = Decision("unexplained", "the search's own", 0.44)
     made = left_over(**changes).complete(given, before, 1.0e-3)
-    assert (made.verdict == "named") is named
-    assert named or made is given
+    assert made.verdict == verdict
+    assert ("not worth a name" in made.reason) is (verdict == "equivalent")
+    assert verdict != "unexplained" or made is given

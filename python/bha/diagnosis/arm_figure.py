@@ -61,7 +61,8 @@ def _lengths(arm: Arm, record: Record, state: Array, rows: NDArray[np.intp]) -> 
     times = record.time[rows]
     start = float(record.time[0])
     try:
-        batch = simulate_batch(arm, record.drive, x0=state, times=times, start=start, warn=False)
+        x0 = state[: 6 * arm.section_count]
+        batch = simulate_batch(arm, record.drive, x0=x0, times=times, start=start, warn=False)
     except BhaError:
         return None
     lengths = np.asarray(batch.lengths)[0]

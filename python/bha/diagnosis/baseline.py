@@ -30,7 +30,7 @@ from bha.diagnosis.fit import (
 )
 from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera, of_sensors
 from bha.diagnosis.noises import Bound, bound_of, disturbed_outputs, mean_white_square, sensors_of
-from bha.diagnosis.preparation import begins_at_rest, cut_to, sound_records, thin
+from bha.diagnosis.preparation import begins_at_rest, cut_to, sound_records, thin, with_least_noise
 from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.slowness import plain_divisions
 from bha.diagnosis.valves import is_of_valves, through, without_valves
@@ -107,10 +107,30 @@ class Prepared:
         """How runs are integrated; what diverges is repeated with finer steps."""
         return Integration(self.step, self.method, threads, self.coarse, shares=STEP_SHARES)
 
-    def without_strays(self, shown: Sequence[Array]) -> Prepared:
-        """The same with stray readings not counting, by what a model shows of each log, (rows, C); itself for none."""
+    def told_by(self, shown: Sequence[Array]) -> Prepared:
+        """The same with what a model says of the readings by what it shows of each log, (rows, C); itself for nothing.
+
+        Strays do not count, and noise is no more than what is left.
+        """
         records = tuple(sound_records(self.full, self.records, shown))
-        return self if records == self.full else replace(self, records=records, full=records)
+        sound = self if records == self.full else replace(self, records=records, full=records)
+        return sound.quieter(shown)
+
+    def quieter(self, shown: Sequence[Array]) -> Prepared:
+        """The same with no more noise than what a model leaves, (rows, C) shown of each log; itself where that is more.
+
+        Differences of neighbouring readings, which tell noise, are motion where readings are few.
+        """
+        if any(record.thinning > 1 for record in self.records):
+            return self
+        squares = [np.where(r.usable, r.measured - y, np.nan) ** 2 for r, y in zip(self.records, shown, strict=True)]
+        left = np.sqrt(np.nanmean(np.concatenate(squares), axis=0))
+        pairs = [
+            with_least_noise([r.with_noise(np.where(left < SAME_NOISE * r.noise, left, r.noise)) for r in own])
+            for own in (self.records, self.full)
+        ]
+        fell = any(np.any(a.noise < SAME_NOISE * b.noise) for a, b in zip(pairs[0], self.records, strict=True))
+        return replace(self, records=tuple(pairs[0]), full=tuple(pairs[1])) if fell else self
 
     def preceded(self, model: Model, x: Array) -> tuple[Prepared, Model]:
         """The same with what stood in the chambers before logs that begin in motion, by a model at ``x``; that too."""
@@ -140,7 +160,7 @@ def prepare_runs(model: Model, records: Sequence[Record]) -> Prepared:
     thinned = tuple(thin(r, factor) for r in records)
     model = model.on(thinned)
     states = tuple(model.guesses(nominal, _whole(thinned)))
-    refuse_impossible(thinned, states)
+    refuse_impossible(thinned, states, model.sections)
     runs = model.runs(nominal, states, [checked_rows(r) for r in thinned])
     noise = noise_of(records)
     steps = [f * sample for f in range(factor, 0, -1)] + [sample / k for k in (2, 4, 8, 16, 32)]
@@ -177,10 +197,10 @@ def without_room(lengths: Array) -> tuple[int, float] | None:
     return (section + 1, float(means[section])) if means[section] <= 0.0 else None
 
 
-def refuse_impossible(records: Sequence[Record], states: Sequence[Array]) -> None:
+def refuse_impossible(records: Sequence[Record], states: Sequence[Array], sections: int) -> None:
     """Refuse first poses in which the arm of the file has no length left between its stiff pieces."""
     for record, state in zip(records, states, strict=True):
-        if short := without_room(state[: len(state) // 2]):
+        if short := without_room(state[: 3 * sections]):
             section, length = short
             raise ConvergenceError(
                 f"{record.name}: begins where the bellows of section {section} would be "
@@ -412,7 +432,7 @@ def fit_baseline(
     stiff = prepared.method == "ros2"
     if stiff:
         model = with_wide_damping(model)
-    shapes = {"x": (model.size,), "states": (len(records), 6 * model.sections)}
+    shapes = {"x": (model.size,), "states": np.shape(prepared.states)}
     known = cache.get("rough" + label, shapes)
     if known is None:
         x, states = _roughly(model, prepared, rough, starts, near=near)
@@ -431,7 +451,7 @@ def fit_baseline(
     disturbed = disturbed_outputs(problem, fit, seed)
     bound = bound_of(records, fit.outputs, disturbed)
     for round_ in range(STRAY_ROUNDS):
-        prepared, model = prepared.without_strays(fit.outputs).preceded(fit.model, fit.x)
+        prepared, model = prepared.told_by(fit.outputs).preceded(fit.model, fit.x)
         records = prepared.records
         made = [bound(draws, record) for draws, record in zip(disturbed, records, strict=True)]
         sensors = sensors_of(prepared.full, records, fit.outputs, made)
@@ -449,7 +469,7 @@ def fit_baseline(
         before, bound = bound, bound_of(records, fit.outputs, disturbed)
         known_noise = round_ + 1 >= NOISE_ROUNDS or bool(np.all(bound.factors > SAME_NOISE * before.factors))
         # A better fit tells further strays.
-        if known_noise and prepared.without_strays(fit.outputs) is prepared:
+        if known_noise and prepared.told_by(fit.outputs) is prepared:
             break
         bound = replace(bound, factors=np.minimum(bound.factors, before.factors))
     fit = _to_its_end(problem, with_sensitivities(problem, fit))

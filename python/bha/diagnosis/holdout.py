@@ -21,7 +21,9 @@ from bha.diagnosis.model import of_sensors
 from bha.diagnosis.where import block_edges
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Model
+from bha.estimation.memories import within
 from bha.estimation.records import Record
+from bha.parameters import paths
 from bha.recordings.pose import tells_state
 
 Array = NDArray[np.float64]
@@ -30,6 +32,8 @@ Array = NDArray[np.float64]
 HOLDOUT_BLOCK, SHORTEST_BLOCK = 1.0, 0.3
 #: Blocks that there are at least, where the logs are long enough.
 ENOUGH_BLOCKS = 10
+#: Numbers that are others from day to day.
+OF_A_SESSION = frozenset({"rest_length", "camera_position"})
 #: An arm that is this far off has run away, m; what it did in the last second before that does not count either.
 RUN_AWAY, BEFORE_RUN_AWAY = 0.3, 1.0
 #: Least share of the readings of a block that count, so that it does.
@@ -92,15 +96,21 @@ class Holdout:
     """The held-out logs with their whitening and the sensitivities of their initial states."""
 
     def __init__(
-        self, problem: Problem, states: Sequence[Array], readings: Readings, *, about_means: bool = False
+        self,
+        problem: Problem,
+        states: Sequence[Array],
+        readings: Readings,
+        *,
+        sessions: tuple[Array, ...] | None = None,
     ) -> None:
         """The logs, first guesses of their initial states, and what errors are counted on.
 
-        With ``about_means`` errors are counted about their mean in each channel of each log: where logs stand apart.
+        ``sessions`` are what numbers that differ from day to day do to each log, (rows, C, numbers): errors are counted
+        beyond what these make of them, where logs stand apart; None where they do not.
         """
         self.problem = problem
         self.readings = readings
-        self.about_means = about_means
+        self.sessions = sessions
         self._states = tuple(states)
         self._sensitivities: tuple[Array, ...] | None = None
 
@@ -109,18 +119,30 @@ class Holdout:
         fit, until, rms = self._evaluate(model, x, self._begin(model, x))
         if self._sensitivities is None and np.isfinite(fit.cost):
             self._sensitivities = state_columns(self.problem, fit)
+        sensitivities = self._sensitivities
+        if np.isfinite(fit.cost) and any(np.any(fit.model.memories(window)) for window in self.problem.windows):
+            sensitivities = state_columns(self.problem, fit)
         for _ in range(2):
-            if self._sensitivities is None or not np.isfinite(fit.cost):
+            if sensitivities is None or not np.isfinite(fit.cost):
                 break
-            trial, later, error = self._evaluate(model, x, self._improved(fit, self._sensitivities))
+            trial, later, error = self._evaluate(model, x, self._improved(fit, sensitivities))
             if not trial.cost < fit.cost:
                 break
             fit, until, rms = trial, later, error
         return self._compared(fit.outputs, fit.states, fit.residual, until, rms)
 
-    def about(self) -> Holdout:
-        """The same with errors counted about their means."""
-        return Holdout(self.problem, self._states, self.readings, about_means=True)
+    def in_sessions(self, model: Model, x: Array, *, offsets: bool) -> Holdout:
+        """The same with errors counted beyond what sets sessions apart, as a model at ``x`` is changed by it.
+
+        That are other rest lengths and another place of the camera, and with ``offsets`` one of each channel.
+        """
+        which = [k for k, c in enumerate(model.plain) if paths.key_of(c.path) in OF_A_SESSION]
+        on_logs, states = model.on(self.problem.records), np.stack(self.predict(model, x).states)
+        shown = on_logs.linearize(x, self.problem.windows, states, which=which, by_states=False)
+        tables = [by_x for _, by_x, _ in shown]
+        if offsets:
+            tables = [np.concatenate([np.tile(np.eye(by_x.shape[1]), (len(by_x), 1, 1)), by_x], 2) for by_x in tables]
+        return Holdout(self.problem, self._states, self.readings, sessions=tuple(tables))
 
     def compared(
         self, outputs: tuple[Array, ...], states: tuple[Array, ...], until: tuple[float, ...], rms: float
@@ -137,7 +159,9 @@ class Holdout:
 
     def _counted(self, outputs: tuple[Array, ...], until: Sequence[float]) -> tuple[Array, ...]:
         """The outputs of which errors count."""
-        return tuple(map(at_the_mean, self.problem.records, outputs, until)) if self.about_means else outputs
+        if self.sessions is None:
+            return outputs
+        return tuple(map(in_its_session, self.problem.records, outputs, until, self.sessions))
 
     def _begin(self, model: Model, x: Array) -> Sequence[Array]:
         """Guesses of the initial states; as the model's camera and wires see them where these are free: others have
@@ -166,7 +190,7 @@ class Holdout:
         states = []
         for part, jacobian, state in zip(self.problem.slices(), sensitivities, fit.states, strict=True):
             states.append(state + state_step(self.problem, jacobian, fit.residual[part]))
-        return states
+        return list(within(np.stack(states), 3 * fit.model.sections))
 
 
 def state_step(problem: Problem, jacobian: Array, left: Array) -> Array:
@@ -199,11 +223,17 @@ def error_of(problem: Problem, outputs: Sequence[Array]) -> float:
     return min(found, 1e6) if np.isfinite(found) else 1e6
 
 
-def at_the_mean(record: Record, outputs: Array, until: float) -> Array:
-    """Outputs of a log, (rows, C), moved in each channel so that they err by nothing on average up to a time, s."""
+def in_its_session(record: Record, outputs: Array, until: float, session: Array) -> Array:
+    """Outputs of a log, (rows, C), as they are up to a time, s, were what differs from day to day that of its day.
+
+    ``session`` has how changes of its numbers show, (rows, C, numbers).
+    """
     counts = record.usable & (record.time < until)[:, None]
-    error = np.where(counts, record.measured - outputs, 0.0)
-    return np.asarray(outputs + error.sum(axis=0) / np.maximum(counts.sum(axis=0), 1))
+    if not counts.any() or not session.shape[2]:
+        return outputs
+    scale = np.sqrt(np.maximum(np.mean(session[counts] ** 2, axis=0), 1e-300))
+    told = np.linalg.lstsq(session[counts] / scale, (record.measured - outputs)[counts], rcond=1e-6)[0]
+    return np.asarray(outputs + (session / scale) @ told)
 
 
 def predicted(

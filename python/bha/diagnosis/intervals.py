@@ -45,13 +45,10 @@ RESIDUALS, REPEATS = 400, 1000
 RIVAL, CHANCE = 0.5, 0.2
 
 
-def coordinate_draws(
-    problem: Problem, fit: Fit, seed: int, form: Array | float = 0.0, *, between_logs: bool = True
-) -> Array:
+def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float = 0.0) -> Array:
     """Draws of the change of the coordinates that the data leave open, shape (REPEATS, size).
 
-    ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`;
-    ``between_logs`` whether what the logs disagree about counts.
+    ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`.
     """
     known = information(problem, fit)
     rng = np.random.default_rng([seed, 13])
@@ -59,7 +56,7 @@ def coordinate_draws(
     moved = np.linalg.solve(known.normal, scores)
     covariance = moved @ moved.T / RESIDUALS
     noise = np.diag(known.covariance) * max(1.0, fit.squares / problem.rows)
-    wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2 if between_logs else 0.0))
+    wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2))
     spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -70,13 +67,12 @@ def coordinate_draws(
 def is_told(trial: Trial, draws: Array) -> bool:
     """Whether the strengths of some effect of a set are told from none, at 95 %: one of them, or all together.
 
-    What could be nothing, as far as the logs and what else may be missing say, is no name. Of two strengths that do
-    nearly the same neither may be told, and yet not both be none. A set without strengths (lags, dead bands) is told.
+    What could be nothing, by the interval that is reported, is no name. Of two strengths that do nearly the same
+    neither may be told, and yet not both be none. A set without strengths (lags, dead bands) is told.
 
     Args:
         trial: the set, fitted.
-        draws: what the logs and the form leave open of its coordinates, shape (REPEATS, size); without what the logs
-            disagree about, which a search has asked already, by predicting logs from the others.
+        draws: what the logs and the form leave open of its coordinates, shape (REPEATS, size).
     """
     uncertainty = intervals(trial.fit, draws)
     model, x = trial.fit.model, trial.fit.x
@@ -92,11 +88,6 @@ def is_told(trial: Trial, draws: Array) -> bool:
             away = float(x[own] @ np.linalg.pinv(spread, rcond=1e-10, hermitian=True) @ x[own])
             found.append(away > float(stats.chi2.ppf(0.95, len(own))))
     return not found or any(found)
-
-
-def is_there(problem: Problem, trial: Trial, form: Array, seed: int) -> bool:
-    """Whether there is some of what a set names, by the noise and by ``form``, see :func:`form_deviation`."""
-    return is_told(trial, coordinate_draws(problem, trial.fit, seed, form, between_logs=False))
 
 
 def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int) -> Array:

@@ -52,7 +52,7 @@ CENTER_SPREAD, REST_SPREAD = 0.08, 0.2
 #: Least tangent stiffness, as a share of that at rest.
 LEAST_STIFFNESS = 0.05
 #: Differences large enough for effects that chatter; an arm has forgotten how it began after so long, s.
-DIFFERENCES = Differences(parameter=1e-3, length=1e-4, rate=1e-3, memory=4.0, lenient=True)
+DIFFERENCES = Differences(parameter=1e-3, length=1e-4, rate=1e-3, moved=1e-2, memory=4.0, lenient=True)
 #: Numbers of ``[sensors]`` that heads tell, with unit and from which distance to the file's value on they are said.
 CAMERA = (("camera_position", "m", 1e-3), ("camera_rotation", "rad", 5e-3))
 
@@ -133,7 +133,7 @@ def plain_model(
         coordinates += [replace(own, scale=own.prior_deviation) for own in resolve(arm.parameters, wires)]
     if camera:
         coordinates += _of_the_camera(arm)
-    return Model(arm.parameters, tuple(coordinates), differences=DIFFERENCES)
+    return Model(arm.parameters, tuple(coordinates), differences=DIFFERENCES, remembers=True)
 
 
 def _of_the_camera(arm: Arm) -> list[Coordinate]:

@@ -22,6 +22,7 @@ from bha.diagnosis.fit import (
     evaluate,
     improve,
     restarted,
+    state_columns,
     weighted,
     with_sensitivities,
 )
@@ -33,6 +34,7 @@ from bha.diagnosis.slowness import LAG, better_way
 from bha.diagnosis.valves import is_of_valves
 from bha.errors import ConvergenceError
 from bha.estimation.integration import resolved
+from bha.estimation.records import Window
 from bha.estimation.terms import EffectTerm, number_of
 from bha.recordings.beginning import preloaded
 from bha.recordings.strained import KIND as MEMORY
@@ -164,7 +166,9 @@ def added(
         fit = weighted(problem, with_sensitivities(problem, fit))
     else:
         jacobian = np.concatenate([begin.jacobian, columns(problem, fit, range(old, model.size))], axis=1)
-        fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=begin.state_jacobians))
+        # What the new effect remembers of the motion before a log is a state of its own.
+        by_states = state_columns(problem, fit) if remembers_more(fit, begin) else begin.state_jacobians
+        fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=by_states))
     if not known:
         tolerance = TOLERANCE if given.rules.thorough else COARSE_TOLERANCE
         ends = []
@@ -180,6 +184,12 @@ def added(
         store(problem, fit, name)
     acting, fit = without_idle(candidates, fit)
     return Trial(acting, fit, given.holdout)
+
+
+def remembers_more(fit: Fit, before: Fit) -> bool:
+    """Whether a fit has memories of what was before its logs that another one of them has not."""
+    windows = [Window(k, 0, len(record)) for k, record in enumerate(fit.model.records)]
+    return any(np.any(fit.model.memories(w) & ~before.model.on(fit.model.records).memories(w)) for w in windows)
 
 
 def _gently(given: Given, fit: Fit, start: Trial, candidate: Candidate, strengths: Sequence[float]) -> Fit:

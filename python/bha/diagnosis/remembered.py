@@ -90,7 +90,7 @@ def remembered(
         )
     if other is None:
         return None
-    other_logs = Holdout(held, list(prediction.states), holdout.readings, about_means=holdout.about_means)
+    other_logs = Holdout(held, list(prediction.states), holdout.readings, sessions=holdout.sessions)
     without = other_logs.predict(other.model, other.x)
     before, after = rms_errors(without, prediction)
     removed = share_removed(before, after, noise)

@@ -57,14 +57,18 @@ class Search:
         """Keep the best set as what is answered if the search comes to no end."""
         self.settled = self.best
 
-    def about_means(self) -> Search:
-        """The same with the errors of all sets on the held-out logs counted about their means."""
+    def in_sessions(self, *, offsets: bool) -> Search:
+        """The same with the errors of all sets on the held-out logs counted beyond what sets sessions apart.
+
+        ``offsets``: whether these may have one of each channel, see :meth:`bha.diagnosis.holdout.Holdout.in_sessions`.
+        """
         known: dict[int, Trial] = {}
 
         def moved(trial: Trial) -> Trial:
             return known.setdefault(id(trial), replace(trial, holdout=holdout))
 
-        holdout = self.plain.holdout.about()
+        plain = self.plain
+        holdout = plain.holdout.in_sessions(plain.fit.model, plain.fit.x, offsets=offsets)
         return replace(
             self,
             plain=moved(self.plain),

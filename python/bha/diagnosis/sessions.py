@@ -1,30 +1,69 @@
 """Logs that stand apart: what differs from day to day is in none of them, and hides what moves.
 
 What: rest lengths, a camera's tripod, the weather set whole logs off. The fit takes up what its own logs have in
-common; held-out logs of another day then err by a constant. Where that is most of what the best model leaves it is
-said, and what is named may be so by errors about the mean of each log and channel, for every model alike.
-Limits: a plain model that fits its own logs and fails elsewhere errs by a constant, too. So nothing is called
-equivalent by errors about means.
+common; held-out logs of another day then err by a constant, and a swing loses its phase. Where that is much of what is
+missed it is said, and errors count beyond what other rest lengths and another place of the camera would make, of each
+log its own, for every model alike: for whether there is a gap at all; and, an offset of each channel beside them, for
+what is named where nothing is by errors as they are.
+Limits: a law that does not hold where held-out logs are errs by a constant, too, if these hardly move. So no gap is
+excused by where logs stand unless they move about as much as those of the fit, and stand within a small part of the
+arm's length beside them: a wrong law then errs otherwise from pose to pose. What bends otherwise each time remembers,
+and that is physics.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bha.diagnosis.unlogged import MOST_OFFSET, mean_error, offset_of
+from bha.diagnosis.holdout import rms_errors, share_removed
+from bha.diagnosis.unlogged import mean_error
 
 if TYPE_CHECKING:
     from bha.diagnosis.refit import Trial
+    from bha.estimation.records import Record
+
+Array = NDArray[np.float64]
+
+#: Share of the excess error of logs that is gone in their sessions from which on they stand apart.
+MUCH = 0.5
+#: Part of the motion of the logs of the fit that those have which are excused for where they stand, and the part of the
+#: arm's length by which they are off at the most.
+MOVES_ALIKE, NEAR = 0.5, 0.03
 
 
-def stand_apart(best: Trial) -> str:
-    """What is to be said where held-out logs err mostly by a constant under the best model; empty where they do not."""
-    logs = list(zip(best.holdout.problem.records, best.prediction.outputs, strict=True))
-    if not np.isinf(best.prediction.until).all() or offset_of(logs) < MOST_OFFSET:
+def stand_apart(trial: Trial, in_sessions: Trial, noise: float) -> str:
+    """What is to be said where held-out logs err mostly by what sets sessions apart; empty where they do not.
+
+    Args:
+        trial: a model, by its errors as they are.
+        in_sessions: the same by errors beyond what sets sessions apart.
+        noise: error of a right model, m RMS.
+    """
+    before, after = (rms_errors(own.prediction)[0] for own in (trial, in_sessions))
+    if share_removed(before, after, noise) < MUCH:
         return ""
     return (
-        f"held-out logs stand {1e3 * mean_error(logs):.2g} mm (RMS) beside where those of the fit say, most of what is "
+        f"held-out logs stand {1e3 * _off(trial):.2g} mm (RMS) beside where those of the fit say, most of what is "
         "missed: sessions that differ (rest lengths, camera, weather), or a law that does not hold where those logs are"
     )
+
+
+def excused(trial: Trial, train: Sequence[Record]) -> bool:
+    """Whether held-out logs may stand where they do without a law being wrong: they move as the logs of the fit do."""
+    rest = sum(section["bellows"][0]["rest_length"] for section in trial.fit.model.core["section"])
+    least = min(_motion([record]) for record in trial.holdout.problem.records)
+    return _off(trial) <= NEAR * rest and least >= MOVES_ALIKE * _motion(train)
+
+
+def _off(trial: Trial) -> float:
+    return mean_error(list(zip(trial.holdout.problem.records, trial.prediction.outputs, strict=True)))
+
+
+def _motion(records: Sequence[Record]) -> float:
+    """RMS of what is read about the mean of each channel over all logs, m."""
+    read = np.concatenate([np.where(record.usable, record.measured, np.nan) for record in records])
+    return float(np.sqrt(np.nanmean((read - np.nanmean(read, axis=0)) ** 2)))

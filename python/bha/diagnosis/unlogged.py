@@ -109,20 +109,24 @@ class Unlogged:
         return Decision("equivalent", text, decision.closure)
 
     def complete(self, decision: Decision, before: float, after: float) -> Decision:
-        """The decision; ``named`` where an effect shows, and what it leaves, of which this is, is a disturbance.
+        """The decision where what the best effects leave, of which this is, is a disturbance.
+
+        ``named`` where they show; ``equivalent`` where without them hardly more is missed.
 
         Args:
             decision: on the search.
             before: RMS error of the plain model on the held-out logs, m.
             after: the same of the best effects, m.
         """
-        if decision.verdict != "unexplained" or before < MATERIAL * after or not self.is_a_disturbance:
+        if decision.verdict != "unexplained" or not self.is_a_disturbance:
             return decision
         text = (
             f"without what was found {before / after:.2f} times as much is missed on held-out logs; what it leaves, "
             f"{1e3 * self.rms:.2g} mm, follows nothing that was logged (p = {self.logged.chance:.2g}; no candidate "
             f"explains more of it than chance does, p = {self.chance:.2g}): it is what unlogged forces or pressures do"
         )
+        if before < MATERIAL * after:
+            return Decision("equivalent", f"{text}; what was found is not worth a name", decision.closure)
         return Decision("named", text, decision.closure)
 
 
@@ -155,7 +159,7 @@ def unlogged(
         1.0 if best is None else screening.chance(best.score),
         periodic,
         after / before,
-        0.0 if holdout.about_means else offset_of(held),
+        0.0 if holdout.sessions is not None else offset_of(held),
         after,
     )
 

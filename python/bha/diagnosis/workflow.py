@@ -20,7 +20,7 @@ from bha.diagnosis.fit import Problem, with_sensitivities
 from bha.diagnosis.given import Given
 from bha.diagnosis.ground import Ground, prepare
 from bha.diagnosis.holdout import Holdout, rms_errors
-from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_there
+from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_told
 from bha.diagnosis.refit import Trial
 from bha.diagnosis.remembered import remembered, with_memory
 from bha.diagnosis.result import Diagnosis
@@ -28,7 +28,7 @@ from bha.diagnosis.rules import NOISE_LEFT, Rules
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.search import OutOfTime, Search
 from bha.diagnosis.select import search
-from bha.diagnosis.sessions import stand_apart
+from bha.diagnosis.sessions import excused, stand_apart
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
 from bha.diagnosis.where import locate
@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: Called with what is being done and the share of the stage that is done, or None where that is not known.
 Progress = Callable[[str, float | None], None]
+
+#: What errors do not count where logs stand apart.
+OF_SESSIONS = "other rest lengths and another place of the camera, of each log its own"
 
 
 @short_repr
@@ -192,6 +195,30 @@ class Found:
     apart: str
 
 
+def _set_out(ground: Ground, course: Course, state: Search) -> tuple[Search, float, GapTest, str]:
+    """A search as it begins, the error of the plain model on the held-out logs, m RMS, and whether it is a gap.
+
+    Errors count beyond what sets sessions apart where the plain model lacks nothing else; what is to be said of that is
+    the last.
+    """
+    before, gap = ground.tested(state.plain, course.limits)
+    moved, apart = _in_sessions(state, gap, ground.noise, offsets=False)
+    if apart and not ground.remembers and excused(state.plain, ground.train):
+        error, other = ground.tested(moved.plain, course.limits)
+        # What is left must be noise, not only as little: a slow effect hides best in what every log has of its own.
+        if not other.significant and other.mean_square <= other.limit:
+            return moved, error, other, f"{apart}; errors count beyond {OF_SESSIONS}"
+    return state, before, gap, ""
+
+
+def _in_sessions(state: Search, gap: GapTest, noise: float, *, offsets: bool) -> tuple[Search, str]:
+    """A search with errors beyond what sets sessions apart, and what is to be said of it; empty where nothing does."""
+    if not gap.significant or not np.isinf(state.best.prediction.until).all():
+        return state, ""
+    moved = state.in_sessions(offsets=offsets)
+    return moved, stand_apart(state.best, moved.best, noise)
+
+
 @dataclass(frozen=True)
 class Final:
     """The model that is described: the best set where it is named, else the plain model.
@@ -212,7 +239,7 @@ def _searched(ground: Ground, course: Course, kinds: Sequence[str] | None) -> Fo
     problem, fit = ground.baseline.problem, ground.baseline.fit
     state = Search(ground.first, ground.first, notes=list(ground.notes))
     course.say("testing the gap")
-    before, gap = ground.tested(state.plain, course.limits)
+    state, before, gap, apart = _set_out(ground, course, state)
     if ground.remembers:
         state.notes.append("the arm remembers: beside the form of its memory no further effect is sought")
     noise = max(float(np.max(record.pressure_noise)) for record in ground.train)
@@ -236,14 +263,14 @@ def _searched(ground: Ground, course: Course, kinds: Sequence[str] | None) -> Fo
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    apart = stand_apart(state.best) if gap.significant else ""
+    moved, text = _in_sessions(state, gap, ground.noise, offsets=True)
+    apart = apart or text
     if apart and state.best.candidates:
         # What differs from day to day may hide an effect; where nothing is named, it may as well be one.
-        moved = state.about_means()
         error, other = ground.tested(moved.plain, course.limits)
         if decide(moved, other, ground.noise, course.limits).verdict == "named":
             state, before, gap = moved, error, other
-            apart += "; errors count about the mean of each log and channel"
+            apart += f"; errors count beyond an offset of each channel and {OF_SESSIONS}"
     state.notes += [apart] if apart else []
     return Found(state, signatures, gap, before, beside, apart)
 
@@ -260,9 +287,10 @@ def _decided(ground: Ground, course: Course, found: Found) -> tuple[Decision, tu
         if np.isfinite(end)
     ]
     decision = decide(state, found.gap, ground.noise, course.limits, course.tolerance)
-    if decision.verdict == "unexplained":
-        reason = "no effect is sought before" if ground.is_hopeless else decision.reason
-        decision = replace(decision, reason=f"{reason}; {found.apart}" if found.apart else reason)
+    if decision.verdict == "unexplained" and ground.is_hopeless:
+        decision = replace(decision, reason="no effect is sought before")
+    if decision.verdict != "named" and found.apart:
+        decision = replace(decision, reason=f"{decision.reason}; {found.apart}")
     if found.beside is not None and state.complete:
         decision = found.beside.judge(decision, ground.noise)
         decision = _completed(decision, ground, found, (before, after), course.seed)
@@ -340,14 +368,14 @@ def _compared(state: Search, plain: float) -> tuple[float, float]:
 
 def _known(problem: Problem, trial: Trial, signatures: Signatures, seed: int) -> tuple[Final, bool]:
     """A set with its sensitivities, draws of what the logs leave open of it and its intervals, and whether there is
-    some of what it names (:func:`bha.diagnosis.intervals.is_there`)."""
+    some of what it names (:func:`bha.diagnosis.intervals.is_told`)."""
     if not trial.candidates:
         draws = coordinate_draws(problem, trial.fit, seed)
         return Final(trial, draws, intervals(trial.fit, draws)), True
     trial = replace(trial, fit=with_sensitivities(problem, trial.fit))
     form = form_deviation(problem, trial.fit, signatures, seed)
     draws = coordinate_draws(problem, trial.fit, seed, form)
-    return Final(trial, draws, intervals(trial.fit, draws)), is_there(problem, trial, form, seed)
+    return Final(trial, draws, intervals(trial.fit, draws)), is_told(trial, draws)
 
 
 def _completed(decision: Decision, ground: Ground, found: Found, errors: tuple[float, float], seed: int) -> Decision:

@@ -25,6 +25,7 @@ from bha.estimation.conditions import Condition, check_apart
 from bha.estimation.derived import Core, core_of, described
 from bha.estimation.free import Coordinate, apply
 from bha.estimation.initial import guess_state
+from bha.estimation.memories import MOST, remembering
 from bha.estimation.records import Record, Window
 from bha.estimation.runs import BATCH_VALUES, Integration, Run
 from bha.estimation.terms import EffectTerm, tables_of
@@ -46,15 +47,18 @@ class Differences:
         parameter: difference of a parameter's coordinate z.
         length: of an initial length, m.
         rate: of an initial rate, m/s.
+        moved: of where a memory stands, in shares (:mod:`bha.estimation.memories`).
         shift: least difference of a dead time, s: what bends within the integrator's steps, and not at their ends, is
             another error of the integrator, which a smaller one would pass for a derivative.
-        memory: time after which an arm has forgotten how it began, s: derivatives by initial states end there.
+        memory: time after which an arm has forgotten how it began, s: derivatives by initial lengths and rates end
+            there.
         lenient: whether a run that fails tells nothing, instead of being an error.
     """
 
     parameter: float = 1e-5
     length: float = 1e-6
     rate: float = 1e-5
+    moved: float = 1e-3
     shift: float = 1e-3
     memory: float = np.inf
     lenient: bool = False
@@ -84,6 +88,8 @@ class Model:
         integration: how runs are integrated.
         effects: what is tried beside the arm's own effects; their coordinates follow the plain ones in z.
         differences: how derivatives are taken.
+        remembers: whether an initial state says too where what effects remember stands, one number a bellows behind
+            lengths and rates (:mod:`bha.estimation.memories`).
     """
 
     parameters: ArmParameters
@@ -92,6 +98,7 @@ class Model:
     integration: Integration = field(default_factory=Integration)
     effects: tuple[EffectTerm, ...] = ()
     differences: Differences = field(default_factory=Differences)
+    remembers: bool = False
 
     def __post_init__(self) -> None:
         """Refuse numbers that are both known and free."""
@@ -165,7 +172,8 @@ class Model:
         """The run of a window at z; without an arm where the parameters are not allowed."""
         arm, observation = self.shown(z, window.record)
         rec = self.records[window.record]
-        return Run(arm, observation, rec, state, window.first, window.last, lead=self._lead)
+        moving, moved = np.split(state, [6 * self.sections])
+        return Run(arm, observation, rec, moving, window.first, window.last, lead=self._lead, moved=moved)
 
     def runs(self, z: Array, states: Sequence[Array] | Array, rows: Sequence[int] | None = None) -> list[Run]:
         """A run at z on each record, over all its rows or so many."""
@@ -186,7 +194,10 @@ class Model:
                 raise ConvergenceError("no arm has the values at which initial states are wanted")
             rec = self.records[window.record]
             found.append(guess_state(arm, self.parameters, observation, rec, window.first))
-        return np.stack(found)
+        states = np.stack(found)
+        if not self.remembers:
+            return states
+        return np.hstack([states, np.zeros((len(states), len(np.concatenate(self.parameters.inputs_of_bellows))))])
 
     def predict(self, z: Array, windows: Sequence[Window], states: Array) -> list[Array]:
         """Predicted channels of each window, shapes (rows, C); NaN from where a simulation failed.
@@ -194,7 +205,7 @@ class Model:
         Args:
             z: coordinates, shape (p,).
             windows: the windows.
-            states: initial lengths and rates of each, shape (windows, 6n).
+            states: initial states of each, shape (windows, 6n), or with what is remembered (:attr:`remembers`).
         """
         return self.integration.run([self.run(z, w, state) for w, state in zip(windows, states, strict=True)])
 
@@ -232,7 +243,6 @@ class Model:
         moved = [self._moved(k, z) for k in (range(len(z)) if which is None else which)]
         acting = [[self.coordinates[k].acts_on(rec.session) for k, _, _ in moved] for rec in self.records]
         n = states.shape[1] if by_states else 0
-        steps = np.where(np.arange(n) < n // 2, self.differences.length, self.differences.rate)
         for chunk in self._chunks(windows, 1 + len(moved) + n):
             runs: list[Run] = []
             for w in chunk:
@@ -247,9 +257,10 @@ class Model:
                         if runs[-1].arm is None and not self.differences.lenient:
                             name = self.coordinates[k].name
                             raise ConvergenceError(f"{name}: no derivative at the edge of what is allowed")
-                last = self._remembered(window)
-                shifted = states[w] + np.diag(steps) if n else ()
-                runs += [replace(base, state=state, last=last) for state in shifted]
+                for place, step in self._state_steps(window, states[w][:n]):
+                    # A band that is not crossed is remembered for ever.
+                    last = self._remembered(window) if place < 6 * self.sections else window.last
+                    runs.append(replace(self.run(z, window, states[w] + step), last=last))
             found = iter(self._abreast(runs, chunk, near))
             for w in chunk:
                 center = next(found)
@@ -258,9 +269,9 @@ class Model:
                     if acts:
                         by_z[..., place] = (next(found) - center) / h
                 by_state = np.zeros((*center.shape, n))
-                for place, h in enumerate(steps):
+                for place, step in self._state_steps(windows[w], states[w][:n]):
                     table = next(found)
-                    by_state[: len(table), :, place] = (table - center[: len(table)]) / h
+                    by_state[: len(table), :, place] = (table - center[: len(table)]) / step[place]
                 if self.differences.lenient:
                     by_z, by_state = np.nan_to_num(by_z), np.nan_to_num(by_state)
                 yield center, by_z, by_state
@@ -273,6 +284,26 @@ class Model:
             if root_mean_square(base, wanted) <= near.error:
                 return found
         return self.integration.run(runs)
+
+    def _state_steps(self, window: Window, state: Array) -> list[tuple[int, Array]]:
+        """The numbers of a window's initial state by which there are derivatives, each with the step that is taken."""
+        count, differences = 3 * self.sections, self.differences
+        each = np.repeat([differences.length, differences.rate], count)[: len(state)]
+        places = list(range(len(each)))
+        if len(state) > len(each):
+            memories = state[len(each) :]
+            # At the end of what is remembered only the other side is left.
+            each = np.concatenate([each, np.where(memories + differences.moved > MOST, -1.0, 1.0) * differences.moved])
+            places += [len(state) - len(memories) + int(k) for k in np.flatnonzero(self.memories(window))]
+        return [(place, each[place] * np.eye(1, len(state), place)[0]) for place in places]
+
+    def memories(self, window: Window) -> NDArray[np.bool_]:
+        """Which bellows remember what was before a window, shape (bellows,); none where the arm stands at first."""
+        record = self.records[window.record]
+        own = [(effect.kind, effect.where) for effect in self.parameters.effects]
+        own += [(effect.kind, effect.where) for effect in self.effects]
+        found = remembering(self.parameters, own, commanded=record.drive.commanded)
+        return found & (window.first > 0 or record.resting is None)
 
     def _remembered(self, window: Window) -> int:
         """The row of a window after which its initial state is forgotten."""

@@ -65,7 +65,7 @@ def first_second(model: Model, z: Array, number: int, guess: Array) -> tuple[Rec
     Raises:
         ConvergenceError: the simulation from the guess fails.
     """
-    whole = model.records[number].alone
+    whole, guess = model.records[number].alone, guess[: 6 * model.sections]
     last = min(max(int(np.searchsorted(whole.time, whole.time[0] + START_SECONDS)), _ROWS), len(whole))
     # What comes after it does not matter, and is the most of a log.
     rec = whole.between(float(whole.drive.time[0]), float(whole.time[last - 1]) + _BEYOND)

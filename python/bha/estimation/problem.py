@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bha.estimation.engine import Model, Near
 from bha.estimation.innovations import Whitening
+from bha.estimation.memories import DEVIATION as MEMORY_DEVIATION
 from bha.estimation.records import Record, Window
 from bha.estimation.steps import huber_loss
 
@@ -201,8 +202,9 @@ class Problem:
     @property
     def state_deviation(self) -> Array:
         """Standard deviations of the prior on an initial state, shape (6n,)."""
-        n = self.guesses.shape[1] // 2
-        return np.repeat(self.deviations, n)
+        count = 3 * self.model.sections
+        memories = np.full(self.guesses.shape[1] - 2 * count, MEMORY_DEVIATION)
+        return np.concatenate([np.repeat(self.deviations, count), memories])
 
     @cached_property
     def precision(self) -> Array:

@@ -10,7 +10,7 @@ rows are read (:mod:`bha.estimation.grid`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,8 @@ class Run:
         last: the row after the last one shown; all rows of the record if None.
         drive: what drives the arm in place of the record.
         lead: how much earlier than the first row the run starts, s, as far as the record goes back.
+        moved: where what each bellows remembers stands at the start (:mod:`bha.estimation.memories`), shape (bellows,);
+            empty where all are at rest.
     """
 
     arm: _core.Arm | None
@@ -54,6 +56,7 @@ class Run:
     last: int | None = None
     drive: Input | None = None
     lead: float = 0.0
+    moved: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def possible(self) -> bool:
@@ -177,25 +180,29 @@ def _together(runs: Sequence[Run], step: float, method: Method, threads: int | N
     driven = {id(drive): drive for drive in (run.drive or run.record.drive for run in runs)}
     drive_at = {key: k for k, key in enumerate(driven)}
     # Runs that differ in what they are seen by are one simulation.
-    members: dict[tuple[int, int, int, bytes], int] = {}
+    members: dict[tuple[int, int, int, bytes, bytes], int] = {}
     states: list[Array] = []
+    moved: list[Array] = []
     starts: list[float] = []
     own: list[int] = []
     for run in runs:
         key = (arm_at[id(run.arm)], drive_at[id(run.drive or run.record.drive)], places[run.stretch])
-        place = members.setdefault((*key, run.state.tobytes()), len(members))
+        place = members.setdefault((*key, run.state.tobytes(), run.moved.tobytes()), len(members))
         if place == len(states):
             states.append(run.state)
+            moved.append(run.moved)
             starts.append(grids[run.stretch].start)
         own.append(place)
+    remembered = max(map(len, moved))
     batch = run_members(
         list(arms.values()),
         [averaged(drive, step).in_core() for drive in driven.values()],
         [time for time, _ in ends.values()],
-        [(arm, drive, place) for arm, drive, place, _ in members],
+        [(arm, drive, place) for arm, drive, place, *_ in members],
         np.array(starts),
         np.stack(states),
         Options(method, step * (1.0 + _SLACK)),
+        moved=np.stack([np.resize(own, remembered) for own in moved]) if remembered else None,
         velocities=False,
         head_positions=any(run.observation.needs_positions for run in runs),
         head_orientations=any(run.observation.needs_orientations for run in runs),

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bha.errors import ConvergenceError
 from bha.estimation.engine import Near
+from bha.estimation.memories import within
 from bha.estimation.problem import Normal, Point, Problem, Slopes
 from bha.estimation.steps import bounded_step
 
@@ -202,7 +203,7 @@ class _Search:
             return self.ended(False, str(error))
         if not (np.all(np.isfinite(normal.h)) and np.all(np.isfinite(normal.h_mixed))):
             return self.ended(False, "a derivative is not finite")
-        gain = _expected_gain(normal, self.best, self._bounds, self.policy)
+        gain = _expected_gain(self.problem, normal, self.best, self._bounds, self.policy)
         nothing = gain < self.policy.threshold(self.best.cost)
         found = None if nothing else self._lower(normal, gain)
         if found is not None:
@@ -294,7 +295,7 @@ def _tried(
     projected back by the same derivatives, hardly damped: the second-order term of the path (geodesic acceleration,
     Transtrum and Sethna 2012), which leads back to the bottom without another linearization.
     """
-    z, states = _step(normal, best, bounds, policy, damping)
+    z, states = _step(problem, normal, best, bounds, policy, damping)
     dz, moved = z - best.z, states - best.states
     promised = normal.promised(dz, moved)
     if not policy.bends:
@@ -307,7 +308,7 @@ def _tried(
         if there is None or best.cost - lowest.cost > _KEPT * along:
             break
         beyond = replace(there, g=there.g - g, g_state=there.g_state - g_state)
-        z, states = _step(beyond, trial, bounds, policy, _LEAST_DAMPING)
+        z, states = _step(problem, beyond, trial, bounds, policy, _LEAST_DAMPING)
         bend = float(np.linalg.norm(z - trial.z))
         # A correction as long as what it corrects is none.
         if bend > _SHORTER * size:
@@ -317,13 +318,15 @@ def _tried(
     return lowest, promised
 
 
-def _expected_gain(normal: Normal, point: Point, bounds: Array, policy: Policy) -> float:
+def _expected_gain(problem: Problem, normal: Normal, point: Point, bounds: Array, policy: Policy) -> float:
     """How much the loss would fall with an undamped step, were the model linear."""
-    z, states = _step(normal, point, bounds, policy, 1e-12)
+    z, states = _step(problem, normal, point, bounds, policy, 1e-12)
     return float(normal.g @ (z - point.z) + np.sum(normal.g_state * (states - point.states)))
 
 
-def _step(normal: Normal, point: Point, bounds: Array, policy: Policy, damping: float) -> tuple[Array, Array]:
+def _step(
+    problem: Problem, normal: Normal, point: Point, bounds: Array, policy: Policy, damping: float
+) -> tuple[Array, Array]:
     """The damped step within the bounds: a parameter that would leave them is put on its bound, the rest solved for."""
     h, g = normal.reduced(damping)
     dz = bounded_step(h, g, bounds[:, 0] - point.z, bounds[:, 1] - point.z)
@@ -331,7 +334,8 @@ def _step(normal: Normal, point: Point, bounds: Array, policy: Policy, damping: 
     over = float(np.max(np.abs(dz) / policy.limit, initial=0.0))
     if over > 1.0:
         dz, states = dz / over, states / over
-    return np.clip(point.z + dz, bounds[:, 0], bounds[:, 1]), point.states + states
+    states = within(point.states + states, 3 * problem.model.sections)
+    return np.clip(point.z + dz, bounds[:, 0], bounds[:, 1]), states
 
 
 def _failure_text(problem: Problem, start: Point) -> str:

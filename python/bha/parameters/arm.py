@@ -297,6 +297,11 @@ class ArmParameters(Table):
         return tuple(dict.fromkeys(names))
 
     @property
+    def inputs_of_bellows(self) -> list[list[str]]:
+        """For each section the input of each of its bellows."""
+        return [[b.input for b in s.resolved_bellows(number)] for number, s in enumerate(self.sections, start=1)]
+
+    @property
     def measures_coordinates(self) -> tuple[bool, ...]:
         """For each section whether its measured lengths q11 .. are its three coordinates."""
         all_are = self.sensors is not None and self.sensors.lengths == "coordinates"

@@ -40,7 +40,7 @@ def slips(effects: Iterable[Effect]) -> bool:
 
 def one_a_bellows(effects: Iterable[Effect], parameters: ArmParameters) -> list[dict[str, Any]]:
     """The effects with those elements that may be strained one a bellows, each with a ``start`` of its own, 0."""
-    inputs = [[b.input for b in s.resolved_bellows(k)] for k, s in enumerate(parameters.sections, start=1)]
+    inputs = parameters.inputs_of_bellows
     found: list[dict[str, Any]] = []
     for effect in effects:
         place = Place.read(effect["where"])

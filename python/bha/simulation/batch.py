@@ -212,6 +212,7 @@ def run_members(
     state: NDArray[np.float64] | None,
     options: Options,
     *,
+    moved: NDArray[np.float64] | None = None,
     velocities: bool = True,
     head_positions: bool = False,
     head_orientations: bool = False,
@@ -231,6 +232,8 @@ def run_members(
         start: when each starts, s, shape (members,).
         state: initial lengths and rates, shape (members, 6n); at rest under the pressures at the start if None.
         options: how to integrate; the interpolation is that of the inputs.
+        moved: of each bellows, where between the ends of what effects remember of its motion and of its pressure these
+            stand at the start, -1 to 1, shape (members, 3n); at rest if None.
         velocities: as in :func:`simulate_batch`, like all that follows.
         head_positions: see there.
         head_orientations: see there.
@@ -253,6 +256,7 @@ def run_members(
         members,
         start,
         state,
+        moved,
         method=options.method,
         step=options.step,
         rtol=options.rtol,

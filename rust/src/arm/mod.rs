@@ -93,4 +93,9 @@ impl<T> Arm<T> {
     pub fn coordinates(&self) -> usize {
         self.body.coordinates()
     }
+
+    /// Number of bellows, of all sections.
+    pub fn bellows(&self) -> usize {
+        self.body.sections.iter().map(|s| s.bellows.len()).sum()
+    }
 }

@@ -149,6 +149,10 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     /// Where its hidden states start in a simulation; they come as zero, which is no force.
     fn start(&self, _hidden: &mut [T]) {}
 
+    /// The same of an arm that has moved before: `moved` says of each bellows where between the ends of what it can
+    /// remember it stands, -1 to 1; 0 changes nothing.
+    fn moved(&self, _moved: &[T], _hidden: &mut [T]) {}
+
     /// Adds its forces at an instant; `hidden` are its states at the step's start.
     #[inline(always)]
     fn add_forces(&self, _now: &mut Instant<'_, T>, _hidden: &[T]) {}
@@ -177,6 +181,10 @@ pub trait Effect<T: Real>: Clone + Debug + Send + Sync {
     /// What comes out when everything rests at the pressures in `p`, in place.
     #[inline(always)]
     fn pressures_at_rest(&self, _p: &mut [T]) {}
+
+    /// By how much what comes out differs where pressures have moved before, Pa, added to what comes in differs; `moved`
+    /// says of each input where between the ends of what it can remember it stands, -1 to 1.
+    fn moved_pressures(&self, _moved: &[T], _by: &mut [T]) {}
 
     /// By how much it delays an input, s.
     fn input_delay(&self, _input: usize) -> Option<T> {

@@ -240,6 +240,20 @@ impl<T: Real> PressureChain<T> {
         self.values.copy_from_slice(&self.next);
     }
 
+    /// The stages where they stand if pressures have moved before, see [`Effect::moved_pressures`]; one number an input.
+    pub fn moved(&mut self, effects: &Effects<T>, moved: &[T]) {
+        let n = self.inputs;
+        let first = 1 + usize::from(self.lag.is_some());
+        let mut by = vec![T::zero(); n];
+        for (k, &stage) in (first..).zip(&self.stages) {
+            effects.list[stage].kind.moved_pressures(moved, &mut by);
+            for (value, by) in self.start_values[n * k..].iter_mut().zip(&by) {
+                *value += *by;
+            }
+        }
+        self.values.copy_from_slice(&self.start_values);
+    }
+
     /// The outputs of all stages at the end of the last accepted step.
     pub fn committed(&self) -> &[T] {
         &self.start_values

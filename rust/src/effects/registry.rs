@@ -69,12 +69,14 @@ macro_rules! dispatch {
             is_actuation() -> bool;
             hidden() -> usize;
             start(hidden: &mut [T]);
+            moved(moved: &[T], hidden: &mut [T]);
             add_forces(now: &mut Instant<'_, T>, hidden: &[T]);
             advance(now: &Instant<'_, T>, hidden: &mut [T]);
             shapes_pressures() -> bool;
             remembers() -> bool;
             pressures(elapsed: T, from: &[T], last: &[T], p: &mut [T]);
             pressures_at_rest(p: &mut [T]);
+            moved_pressures(moved: &[T], by: &mut [T]);
             input_delay(input: usize) -> Option<T>;
             sensor_delay(coordinate: usize) -> Option<T>;
             head_delay(section: usize) -> Option<T>;

@@ -92,6 +92,21 @@ impl<T: Real> Sensors<T> {
         self.states.push_back(row);
     }
 
+    /// Readings where they stand if lengths have moved before: `moved` says of each bellows which end of its play its wire
+    /// is at, -1 to 1; at rest where wires are of other coordinates.
+    pub fn moved(&mut self, moved: &[T]) {
+        if moved.len() != self.plays.len() {
+            return;
+        }
+        for readings in &mut self.readings {
+            for (reading, (play, moved)) in readings.iter_mut().zip(self.plays.iter().zip(moved)) {
+                if let Some(play) = play {
+                    *reading += *play * moved.max(-T::one()).min(T::one());
+                }
+            }
+        }
+    }
+
     /// The lanes that `which` says have rested at `x` since ever.
     pub fn restart(&mut self, which: impl Fn(usize) -> bool + Copy, x: &[T]) {
         for row in &mut self.states {

@@ -62,6 +62,8 @@ pub struct Plant<T = f64> {
     begun: bool,
     /// Whether what the inputs say before the run has been on its way when that begins.
     preceded: bool,
+    /// Where what bellows remember stands when the run begins, one number a bellows, see [`Plant::moved`].
+    moved: Option<Vec<T>>,
 }
 
 impl<T: Real> Plant<T> {
@@ -94,6 +96,7 @@ impl<T: Real> Plant<T> {
             sensors: None,
             begun: false,
             preceded: false,
+            moved: None,
         }
     }
 
@@ -203,6 +206,7 @@ impl<T: Real> Plant<T> {
             self.follow(since, t);
         }
         self.sensors = Sensors::new(&self.arm.effects, t, x);
+        self.move_memories();
     }
 
     /// Lengths as their sensors have them at (`t`, `x`), within the last step, into `out`: the true ones where no sensor

@@ -18,6 +18,34 @@ impl<T: Real> Plant<T> {
         Self { preceded: true, ..self }
     }
 
+    /// The same plant, whose run begins in a motion: of each bellows, where between the ends of what effects on it, on its
+    /// input and on its sensor remember these stand, -1 to 1; 0 where they would be without.
+    pub fn moved(self, moved: Vec<T>) -> Self {
+        Self { moved: Some(moved), ..self }
+    }
+
+    /// Puts what is remembered where [`Plant::moved`] has it.
+    pub(super) fn move_memories(&mut self) {
+        let Some(moved) = &self.moved else { return };
+        let (body, effects) = (&self.arm.body, &self.arm.effects);
+        let hidden = self.ws.effects.hidden_mut();
+        hidden.copy_from_slice(&effects.start());
+        for entry in &effects.list {
+            entry.kind.moved(moved, &mut hidden[entry.hidden.clone()]);
+        }
+        if let Some(chain) = &mut self.chain {
+            let mut of_inputs = vec![T::zero(); body.inputs];
+            // Bellows that share an input share its past.
+            for (bellows, own) in body.sections.iter().flat_map(|s| &s.bellows).zip(moved) {
+                of_inputs[bellows.input] = *own;
+            }
+            chain.moved(effects, &of_inputs);
+        }
+        if let Some(sensors) = &mut self.sensors {
+            sensors.moved(moved);
+        }
+    }
+
     /// From when on the inputs are followed in a run that begins at `t`: from there, or from their first sample.
     pub(super) fn since(&self, t: f64) -> f64 {
         if self.preceded { self.drives.first_sample().min(t) } else { t }

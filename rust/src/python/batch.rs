@@ -28,10 +28,10 @@ pub struct BatchRows {
     statistics: Py<PyArray2<u64>>,
 }
 
-/// The `k`th of `arms`, `inputs` and `times` as `members[k]` = (arm, input, times) say, from `start[k]` and `state[k]` on;
-/// see `bha.simulate_batch`.
+/// The `k`th of `arms`, `inputs` and `times` as `members[k]` = (arm, input, times) say, from `start[k]`, `state[k]` and
+/// `moved[k]` on (where what each bellows remembers stands, [`crate::plant::Plant::moved`]); see `bha.simulate_batch`.
 #[pyfunction]
-#[pyo3(signature = (arms, inputs, times, members, start, state = None, *, method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, head_orientations = false, measured = false, shared_steps = false, threads = 0, instruction_set = None, progress = None))]
+#[pyo3(signature = (arms, inputs, times, members, start, state = None, moved = None, *, method = "auto", step = 1e-3, rtol = 1e-6, atol = 1e-8, min_step = 1e-10, max_step = f64::INFINITY, max_steps = None, velocities = true, head_positions = false, head_orientations = false, measured = false, shared_steps = false, threads = 0, instruction_set = None, progress = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn simulate_batch(
     py: Python<'_>,
@@ -41,6 +41,7 @@ pub fn simulate_batch(
     members: Vec<(usize, usize, usize)>,
     start: &Bound<'_, PyAny>,
     state: Option<&Bound<'_, PyAny>>,
+    moved: Option<&Bound<'_, PyAny>>,
     method: &str,
     step: f64,
     rtol: f64,
@@ -60,16 +61,18 @@ pub fn simulate_batch(
     let options = options(py, method, step, (rtol, atol), (min_step, max_step), max_steps)?;
     let arms: Vec<_> = arms.iter().map(|a| a.get().arm.clone()).collect();
     let Some(first) = arms.first() else { return Err(input(py, "arms: none; at least one is needed".to_owned())) };
-    let columns = first.coordinates();
+    let (columns, bellows) = (first.coordinates(), first.bellows());
     let inputs = inputs.iter().map(|input| input.get().of(py, first)).collect::<PyResult<Vec<_>>>()?;
     let times =
         times.iter().enumerate().map(|(k, t)| any_vector(t, &format!("times[{k}]"))).collect::<PyResult<Vec<_>>>()?;
     let start = vector(start, "start", members.len())?;
     let state = state.map(|x| matrix(x, "x0", (members.len(), 2 * columns))).transpose()?;
+    let moved = moved.map(|x| matrix(x, "moved", (members.len(), bellows))).transpose()?;
     let build = |(k, &(arm, input, set)): (usize, &(usize, usize, usize))| {
         let times = times.get(set).ok_or_else(|| Error::Input(format!("member {k} wants times {set}; there are none")));
         let state = state.as_ref().map(|x| &x[2 * columns * k..2 * columns * (k + 1)]);
-        Ok(Member { arm, input, start: start[k], state, times: times? })
+        let moved = moved.as_ref().map(|x| &x[bellows * k..bellows * (k + 1)]);
+        Ok(Member { arm, input, start: start[k], state, moved, times: times? })
     };
     let members = members.iter().enumerate().map(build).collect::<Result<Vec<_>, Error>>();
     let members = members.map_err(|e| to_python(py, &e))?;

@@ -78,6 +78,13 @@ impl Simulation {
         Ok(Self { integrator, plant, input, options, start: (start, x), ws, cursor })
     }
 
+    /// The same from where what bellows remember stands as [`Plant::moved`] says; before it goes on.
+    pub fn moved(mut self, moved: Vec<f64>) -> Self {
+        self.plant = self.plant.moved(moved);
+        self.plant.begin(self.start.0, &self.start.1);
+        self
+    }
+
     /// Notes where steps end, for [`Simulation::noted`].
     pub fn noting(self) -> Self {
         Self { integrator: self.integrator.noting(), ..self }

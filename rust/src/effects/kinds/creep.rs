@@ -12,6 +12,9 @@ use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
 use crate::real::Real;
 use std::ops::Range;
 
+/// Extension of the branch's spring by which one of [`Effect::moved`] counts, m: a usual stroke.
+const STRAINED: f64 = 0.02;
+
 /// A viscoelastic branch.
 #[derive(Clone, Debug)]
 pub struct Creep<T> {
@@ -61,6 +64,12 @@ impl<T: Real> Effect<T> for Creep<T> {
 
     fn start(&self, hidden: &mut [T]) {
         hidden.fill(self.strain);
+    }
+
+    fn moved(&self, moved: &[T], hidden: &mut [T]) {
+        for (z, j) in hidden.iter_mut().zip(self.bellows.clone()) {
+            *z += moved[j] * STRAINED;
+        }
     }
 
     #[inline(always)]

@@ -57,6 +57,12 @@ impl<T: Real> Effect<T> for Hysteresis<T> {
         hidden.fill(self.start);
     }
 
+    fn moved(&self, moved: &[T], hidden: &mut [T]) {
+        for (w, j) in hidden.iter_mut().zip(self.bellows.clone()) {
+            *w = (*w + moved[j]).max(-T::one()).min(T::one());
+        }
+    }
+
     #[inline(always)]
     fn add_forces(&self, now: &mut Instant<'_, T>, hidden: &[T]) {
         if now.elapsed.is_none() {

@@ -13,6 +13,9 @@ use crate::effects::{Definition, Effect, Parameter, PlaceKind};
 use crate::real::Real;
 use std::ops::Range;
 
+/// How far behind one of [`Effect::moved_pressures`] is, Pa.
+const BEHIND: f64 = 5e4;
+
 /// First-order lag.
 #[derive(Clone, Debug)]
 pub struct PressureLag<T> {
@@ -71,6 +74,12 @@ impl<T: Real> Effect<T> for PressureLag<T> {
 
     fn shapes_pressures(&self) -> bool {
         true
+    }
+
+    fn moved_pressures(&self, moved: &[T], by: &mut [T]) {
+        for j in self.inputs.clone() {
+            by[j] += moved[j] * BEHIND;
+        }
     }
 
     #[inline(always)]

@@ -28,6 +28,12 @@ impl<T: Real> Effect<T> for ValveDeadBand<T> {
         true
     }
 
+    fn moved_pressures(&self, moved: &[T], by: &mut [T]) {
+        for j in self.inputs.clone() {
+            by[j] += self.band * moved[j].max(-T::one()).min(T::one());
+        }
+    }
+
     #[inline(always)]
     fn pressures(&self, _elapsed: T, _from: &[T], last: &[T], p: &mut [T]) {
         for j in self.inputs.clone() {

@@ -178,7 +178,8 @@ fn members_in_lanes_measure_as_they_do_alone() {
     };
     let arms: Vec<_> = (0..5).map(|k| Arc::new(arm(&delays(k)))).collect();
     let inputs = [swing()];
-    let members: Vec<_> = (0..5).map(|k| Member { arm: k, input: 0, start: 0.0, state: None, times: &times }).collect();
+    let members: Vec<_> =
+        (0..5).map(|k| Member { arm: k, input: 0, start: 0.0, state: None, moved: None, times: &times }).collect();
     for measured in [true, false] {
         let channels = Channels { head_positions: true, orientations: true, measured, ..Channels::default() };
         let instruction_set = InstructionSet::best();

@@ -96,6 +96,12 @@ fn run_in_lanes<'m, T: Real>(
     let plant = Plant::in_lanes(arm.clone(), inputs);
     let plant = if first.state.is_some() { plant.preceded() } else { plant };
     let plant = plant.with_pneumatics(start, &x0[..arm.coordinates()]);
+    let moved = |k: usize, j: usize| members[k.min(used - 1)].0.moved.map_or(0.0, |m| m[j]);
+    let plant = if members.iter().any(|(m, _)| m.moved.is_some()) {
+        plant.moved((0..arm.bellows()).map(|j| T::from_lanes(|k| moved(k, j))).collect())
+    } else {
+        plant
+    };
     let options = plant.suited(batch.options);
     let system = Parking::new(plant, x0.clone(), members.iter().map(|(m, _)| m.start - start).collect());
     let mut integrator = Integrator::new(options, start, &x0).keeping();

@@ -38,6 +38,8 @@ pub struct Member<'a> {
     pub start: f64,
     /// Lengths and rates at `start`, 6n; at rest under the pressures and forces of that time if none.
     pub state: Option<&'a [f64]>,
+    /// Where what its bellows remember stands at `start`, one number each ([`crate::plant::Plant::moved`]); at rest if none.
+    pub moved: Option<&'a [f64]>,
     /// Times of its rows, ascending, from `start` on.
     pub times: &'a [f64],
 }
@@ -238,7 +240,11 @@ impl Batch<'_> {
         let (arm, input) = (self.arms[member.arm].clone(), self.inputs[member.input].clone());
         let halves = member.state.map(|x| x.split_at(x.len() / 2));
         let (q, qd) = (halves.map(|h| h.0), halves.map(|h| h.1));
-        Simulation::new(arm, input, self.options, member.start, q, qd)
+        let simulation = Simulation::new(arm, input, self.options, member.start, q, qd)?;
+        Ok(match member.moved {
+            Some(moved) => simulation.moved(moved.to_vec()),
+            None => simulation,
+        })
     }
 
     fn run_member(&self, member: &Member<'_>, slot: Slot<'_>, sequences: &Sequences, stop: &AtomicBool) {
@@ -303,6 +309,12 @@ impl Batch<'_> {
             {
                 let wanted = 2 * columns;
                 return wrong(format!("member {k}: initial state: {wanted} finite numbers are needed, found {x:?}"));
+            }
+            if let Some(moved) = m.moved
+                && (moved.len() != arm.bellows() || moved.iter().any(|v| !v.is_finite()))
+            {
+                let wanted = arm.bellows();
+                return wrong(format!("member {k}: moved: {wanted} finite numbers are needed, found {moved:?}"));
             }
             // Members mostly share their times, which may be many.
             let again = k > 0 && std::ptr::eq(m.times, self.members[k - 1].times);

@@ -95,7 +95,8 @@ mod tests {
             shared_steps: false,
             instruction_set: InstructionSet::Scalar,
         };
-        let member = |arm, input, times: &'static [f64]| Member { arm, input, start: times[0], state: None, times };
+        let member =
+            |arm, input, times: &'static [f64]| Member { arm, input, start: times[0], state: None, moved: None, times };
         let share = |a: Member<'_>, b: Member<'_>| can_share(&batch, &a, &b) && can_share(&batch, &b, &a);
         for arm in 0..arms.len() {
             // Other inputs; formulas of time and jumps allow no other clock.
