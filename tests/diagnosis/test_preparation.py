@@ -68,6 +68,9 @@ def test_noise_is_gone_where_pressures_do_not_move_and_readings_apart_stay() -> 
     # Draws of noise are as much less where nothing of it is left.
     left_over = smoothing.errors_left(200.0 * rng.standard_normal(slow.shape), found)
     assert np.std(left_over[still]) < 0.5 * 200.0
+    # Seldom rows are filtered as well.
+    few = record_of(100.0 * time, np.zeros_like(slow), noisy, pressure_noise=200.0)
+    assert np.std(smoothing.smoothed([few])[0].drive.pressures - slow) < 0.8 * 200.0
     # Between readings that are farther apart than rows there is nothing to be filtered.
     facts = tuple(replace(fact, interval=20 * SAMPLE_TIME) for fact in given.pressure_facts)
     (same,) = smoothing.smoothed([replace(given, pressure_facts=facts)])

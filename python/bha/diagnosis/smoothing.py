@@ -36,8 +36,8 @@ NOISE_ALONE, FAR_OUT = 1.5, 10.0
 #: What is slower than this frequency stays, Hz; over how long what is faster is judged, s, and by how many times the
 #: square of noise it must have to be any of it.
 SLOW, WINDOW, MUCH = 0.7, 1.0, 2.0
-#: By how much of a log its slope at an end is told, s.
-END = 0.2
+#: By how much of a log its slope at an end is told, s, and by how many rows at least.
+END, FEWEST_AT_END = 0.2, 3
 #: Fewest rows of a log, and by which part of it the distance of two may differ from the others.
 FEWEST_ROWS, REGULAR = 200, 0.02
 #: Distance of readings, in steps between rows, from which on rows between them are made up.
@@ -52,7 +52,7 @@ def smoothed(records: Sequence[Record]) -> list[Record]:
 def errors_left(noise: Array, record: Record) -> Array:
     """What is left of noise of a record's pressures, Pa, shape (samples, inputs), once they have been filtered.
 
-    A best guess errs by signal and noise alike: its error has their harmonic mean.
+    A best guess of a signal of power S in noise of power N errs by S N / (S + N): of noise the part that was kept.
     """
     if record.pressure_gain is None or record.pressure_share is None:
         return noise
@@ -114,8 +114,8 @@ def _step(time: Array) -> float:
 def _sloped(time: Array, values: Array) -> Array:
     """Parabolas with the slopes that values (rows, k) have at both ends, by lines through ``END`` s of them."""
     since, whole = time - time[0], float(time[-1] - time[0])
-    near = [since <= END, since >= whole - END]
-    first, last = (np.polyfit(since[own], values[own], 1)[0] for own in near)
+    rows = max(FEWEST_AT_END, round(END / _step(time)))
+    first, last = (np.polyfit(since[own], values[own], 1)[0] for own in (slice(rows), slice(-rows, None)))
     return np.asarray(np.outer(since, first) + np.outer(0.5 * since**2 / whole, last - first))
 
 
@@ -126,6 +126,6 @@ def _kept(power: Array, noise: float) -> Array:
     above = power / noise**2
     kept = np.where(above > NOISE_ALONE, 1.0 - 1.0 / np.maximum(above, 1.0), 0.0)
     kept[above > FAR_OUT] = 1.0
-    # What stands still has all its power in the mean.
+    # The slowest band has the means of what stands still.
     kept[0] = 1.0
     return np.asarray(kept)
