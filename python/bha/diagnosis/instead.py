@@ -9,7 +9,7 @@ from __future__ import annotations
 from bha.diagnosis.forward import forward
 from bha.diagnosis.given import Given
 from bha.diagnosis.holdout import share_brought
-from bha.diagnosis.intervals import coordinate_draws, form_deviation, is_told
+from bha.diagnosis.intervals import form_deviation, is_there
 from bha.diagnosis.prune import prune
 from bha.diagnosis.ranking import on_bound
 from bha.diagnosis.refit import Trial, bic, correlation_length
@@ -78,4 +78,5 @@ def stands(given: Given, trial: Trial) -> bool:
     if not trial.candidates or trial.fit.jacobian is None or on_bound(trial):
         return False
     form = form_deviation(given.problem, trial.fit, given.signatures, 0)
-    return is_told(trial, coordinate_draws(given.problem, trial.fit, 0, form))
+    # What logs disagree about is asked of it when it is named.
+    return is_there(given.problem, trial, form, 0, closure=1.0)

@@ -43,12 +43,17 @@ RESIDUALS, REPEATS = 400, 1000
 #: Candidates that may be what a model lacks: least share of what the best explains of the rest, and greatest
 #: probability that this is chance.
 RIVAL, CHANCE = 0.5, 0.2
+#: Share of the excess error on held-out logs from which on these say that there is some of what removes it.
+NEARLY_ALL = 0.9
 
 
-def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float = 0.0) -> Array:
+def coordinate_draws(
+    problem: Problem, fit: Fit, seed: int, form: Array | float = 0.0, *, between_logs: bool = True
+) -> Array:
     """Draws of the change of the coordinates that the data leave open, shape (REPEATS, size).
 
-    ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`.
+    ``form`` is what the form of the model leaves open, one standard deviation, see :func:`form_deviation`;
+    ``between_logs`` whether what the logs disagree about counts.
     """
     known = information(problem, fit)
     rng = np.random.default_rng([seed, 13])
@@ -56,7 +61,7 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float 
     moved = np.linalg.solve(known.normal, scores)
     covariance = moved @ moved.T / RESIDUALS
     noise = np.diag(known.covariance) * max(1.0, fit.squares / problem.rows)
-    wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2))
+    wanted = np.sqrt(np.maximum(noise, _between_logs(problem, fit) ** 2 if between_logs else 0.0))
     spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -67,8 +72,8 @@ def coordinate_draws(problem: Problem, fit: Fit, seed: int, form: Array | float 
 def is_told(trial: Trial, draws: Array) -> bool:
     """Whether the strengths of some effect of a set are told from none, at 95 %: one of them, or all together.
 
-    What could be nothing, by the interval that is reported, is no name. Of two strengths that do nearly the same
-    neither may be told, and yet not both be none. A set without strengths (lags, dead bands) is told.
+    What could be nothing, as far as the logs and what else may be missing say, is no name. Of two strengths that do
+    nearly the same neither may be told, and yet not both be none. A set without strengths (lags, dead bands) is told.
 
     Args:
         trial: the set, fitted.
@@ -88,6 +93,16 @@ def is_told(trial: Trial, draws: Array) -> bool:
             away = float(x[own] @ np.linalg.pinv(spread, rcond=1e-10, hermitian=True) @ x[own])
             found.append(away > float(stats.chi2.ppf(0.95, len(own))))
     return not found or any(found)
+
+
+def is_there(problem: Problem, trial: Trial, form: Array, seed: int, *, closure: float) -> bool:
+    """Whether there is some of what a set names, by the noise and by ``form``, see :func:`form_deviation`.
+
+    What the logs of the fit disagree about counts, too, unless held-out logs say that there is: the set removes nearly
+    all of the excess error there, as ``closure`` says.
+    """
+    draws = coordinate_draws(problem, trial.fit, seed, form, between_logs=closure < NEARLY_ALL)
+    return is_told(trial, draws)
 
 
 def form_deviation(problem: Problem, fit: Fit, signatures: Signatures, seed: int) -> Array:

@@ -20,7 +20,7 @@ from bha.diagnosis.fit import Problem, with_sensitivities
 from bha.diagnosis.given import Given
 from bha.diagnosis.ground import Ground, prepare
 from bha.diagnosis.holdout import Holdout, rms_errors
-from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_told
+from bha.diagnosis.intervals import coordinate_draws, form_deviation, intervals, is_there
 from bha.diagnosis.refit import Trial
 from bha.diagnosis.remembered import remembered, with_memory
 from bha.diagnosis.result import Diagnosis
@@ -308,10 +308,11 @@ def _described(
     radius = [float(s["bellows_radius"]) for s in fit.model.core["section"]]
     where = locate(problem, baseline.noise, fit.outputs, fit.residual, seed, radius)
     course.say("intervals and report")
-    final, is_told = _known(problem, state.best if decision.verdict == "named" else state.plain, found.signatures, seed)
+    best, closure = state.best if decision.verdict == "named" else state.plain, decision.closure
+    final, is_told = _known(problem, best, found.signatures, seed, closure)
     if not is_told:
         decision = untold(decision, final.trial.label)
-        final, _ = _known(problem, state.plain, found.signatures, seed)
+        final, _ = _known(problem, state.plain, found.signatures, seed, closure)
     faults = ground.plain.faults
     verdict = without_faults(decision, faults)
     diagnosis = describe(
@@ -366,16 +367,16 @@ def _compared(state: Search, plain: float) -> tuple[float, float]:
     return plain, plain
 
 
-def _known(problem: Problem, trial: Trial, signatures: Signatures, seed: int) -> tuple[Final, bool]:
+def _known(problem: Problem, trial: Trial, signatures: Signatures, seed: int, closure: float) -> tuple[Final, bool]:
     """A set with its sensitivities, draws of what the logs leave open of it and its intervals, and whether there is
-    some of what it names (:func:`bha.diagnosis.intervals.is_told`)."""
+    some of what it names (:func:`bha.diagnosis.intervals.is_there`)."""
     if not trial.candidates:
         draws = coordinate_draws(problem, trial.fit, seed)
         return Final(trial, draws, intervals(trial.fit, draws)), True
     trial = replace(trial, fit=with_sensitivities(problem, trial.fit))
     form = form_deviation(problem, trial.fit, signatures, seed)
     draws = coordinate_draws(problem, trial.fit, seed, form)
-    return Final(trial, draws, intervals(trial.fit, draws)), is_told(trial, draws)
+    return Final(trial, draws, intervals(trial.fit, draws)), is_there(problem, trial, form, seed, closure=closure)
 
 
 def _completed(decision: Decision, ground: Ground, found: Found, errors: tuple[float, float], seed: int) -> Decision:
