@@ -34,7 +34,7 @@ def test_pressures_lose_their_noise_and_keep_what_a_chamber_does() -> None:
     true = 1.2e5 + 2e4 * np.sin(2.0 * np.pi * 2.0 * time)[:, None]
     noisy = true + 200.0 * rng.standard_normal(true.shape)
     (smooth,) = smoothing.smoothed([record_of(time, np.zeros_like(true), noisy, pressure_noise=200.0)])
-    assert smooth.pressure_gain is not None
+    assert smooth.pressure_kept is not None
     assert np.std(smooth.drive.pressures - true) < 0.5 * 200.0
     middle = slice(100, -100)
     wave = np.sin(2.0 * np.pi * 2.0 * time[middle])
@@ -74,7 +74,7 @@ def test_noise_is_gone_where_pressures_do_not_move_and_readings_apart_stay() -> 
     # Between readings that are farther apart than rows there is nothing to be filtered.
     facts = tuple(replace(fact, interval=20 * SAMPLE_TIME) for fact in given.pressure_facts)
     (same,) = smoothing.smoothed([replace(given, pressure_facts=facts)])
-    assert same.pressure_gain is None
+    assert same.pressure_kept is None
 
 
 def test_noise_is_no_more_than_what_a_model_leaves() -> None:
@@ -95,7 +95,7 @@ def test_noise_free_commands_in_steps_stay_as_they_are() -> None:
     time = np.arange(1000) * SAMPLE_TIME
     steps = np.repeat(np.arange(10.0), 100)[:, None] * 1e4
     (same,) = smoothing.smoothed([record_of(time, np.zeros_like(steps), steps)])
-    assert same.pressure_gain is None
+    assert same.pressure_kept is None
     np.testing.assert_array_equal(same.drive.pressures, steps)
 
 

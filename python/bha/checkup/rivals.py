@@ -57,7 +57,7 @@ def best_rival(arm: Arm, made: Sequence[Recording], *starts: Statics | None) -> 
 def _rivals(arm: Arm) -> Iterator[tuple[Arm, list[FreeParameter]]]:
     """The arm with each family of effects, all of nothing, and their numbers."""
     sections = arm.parameters.sections
-    fed = [[bellows.input for bellows in section.resolved_bellows(k)] for k, section in enumerate(sections, start=1)]
+    fed = arm.parameters.inputs_of_bellows
     inputs, bellows, joints = (tuple(map(str, Place().parts(sort, fed))) for sort in ("input", "bellows", "section"))
     span = float(np.mean([np.ptp(section.pressure_range) for section in sections]))
     bent = float(np.mean([_bending(section, k) for k, section in enumerate(sections, start=1)]))

@@ -128,11 +128,7 @@ def blamed_bellows(arm: Arm, effect: Effect) -> list[tuple[int, int]]:
     place = Place.read(effect.where)
     if place is None or effect.kind in AT_HEAD or place.sort in ("sensors", "heads"):
         return []
-    inputs = [[bellows.input for bellows in section] for section in _bellows(arm)]
-    if place.sort == "input":
-        return [(i, k) for i, names in enumerate(inputs) for k, name in enumerate(names) if name == place.input]
-    parts = place.parts("bellows", inputs)
-    return [(p.section - 1, p.bellows - 1) for p in parts if p.section is not None and p.bellows is not None]
+    return place.bellows_in(arm.parameters.inputs_of_bellows)
 
 
 def blamed_heads(arm: Arm, effects: Sequence[Effect]) -> list[int]:

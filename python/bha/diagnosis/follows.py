@@ -19,11 +19,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
 
 from bha.diagnosis.logged import Cells
 from bha.diagnosis.memory import Memory, memory
-from bha.estimation.bands import frequencies
+from bha.estimation.bands import by_frequency, frequencies
 
 Array = NDArray[np.float64]
 
@@ -167,7 +166,6 @@ def _flattened(
     found, first = [], 0
     for length, step in zip(lengths, steps, strict=True):
         band = np.searchsorted(remembered.edges, frequencies(length, step), side="right")
-        own = dct(table[first : first + length], axis=0, norm="ortho") * gain[band][:, None]
-        found.append(idct(own, axis=0, norm="ortho"))
+        found.append(by_frequency(table[first : first + length], gain[band][:, None]))
         first += length
     return np.concatenate(found)

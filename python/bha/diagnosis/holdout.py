@@ -113,6 +113,7 @@ class Holdout:
         self.sessions = sessions
         self._states = tuple(states)
         self._sensitivities: tuple[Array, ...] | None = None
+        self._changes: tuple[Array, ...] | None = None
 
     def predict(self, model: Model, x: Array) -> Prediction:
         """Open-loop prediction; rows from where a run runs away do not count."""
@@ -131,18 +132,26 @@ class Holdout:
             fit, until, rms = trial, later, error
         return self._compared(fit.outputs, fit.states, fit.residual, until, rms)
 
-    def in_sessions(self, model: Model, x: Array, *, offsets: bool) -> Holdout:
-        """The same with errors counted beyond what sets sessions apart, as a model at ``x`` is changed by it.
+    def in_sessions(self, fit: Fit, states: Sequence[Array], *, offsets: bool) -> Holdout:
+        """The same with errors counted beyond what sets sessions apart, as a model is changed by it.
 
         That are other rest lengths and another place of the camera, and with ``offsets`` one of each channel.
+
+        Args:
+            fit: the model; of the first one asked for counts how it is changed.
+            states: initial states of the logs under it.
+            offsets: whether there are any.
         """
-        which = [k for k, c in enumerate(model.plain) if paths.key_of(c.path) in OF_A_SESSION]
-        on_logs, states = model.on(self.problem.records), np.stack(self.predict(model, x).states)
-        shown = on_logs.linearize(x, self.problem.windows, states, which=which, by_states=False)
-        tables = [by_x for _, by_x, _ in shown]
+        if self._changes is None:
+            which = [k for k, c in enumerate(fit.model.plain) if paths.key_of(c.path) in OF_A_SESSION]
+            model, windows = fit.model.on(self.problem.records), self.problem.windows
+            shown = model.linearize(fit.x, windows, np.stack(states), which=which, by_states=False)
+            self._changes = tuple(by_x for _, by_x, _ in shown)
+        tables = self._changes
         if offsets:
-            tables = [np.concatenate([np.tile(np.eye(by_x.shape[1]), (len(by_x), 1, 1)), by_x], 2) for by_x in tables]
-        return Holdout(self.problem, self._states, self.readings, sessions=tuple(tables))
+            eyes = (np.tile(np.eye(own.shape[1]), (len(own), 1, 1)) for own in tables)
+            tables = tuple(np.concatenate(both, axis=2) for both in zip(eyes, tables, strict=True))
+        return Holdout(self.problem, self._states, self.readings, sessions=tables)
 
     def compared(
         self, outputs: tuple[Array, ...], states: tuple[Array, ...], until: tuple[float, ...], rms: float

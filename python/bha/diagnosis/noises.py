@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
+from scipy.fft import dct
 from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.fit import Fit, Problem
@@ -25,6 +25,7 @@ from bha.estimation.bands import (
     QUIET_FREQUENCY,
     SensorNoise,
     band_edges,
+    by_frequency,
     frequencies,
     on_lines,
     sensor_noise,
@@ -194,8 +195,7 @@ class Bound:
             return list(changes)
         band = np.searchsorted(self.edges, frequencies(len(record), record.sample_time), side="right")
         factor = self.factors[band][:, None]
-        made = (factor * dct(change, axis=0, norm="ortho") for change in changes)
-        return [np.asarray(idct(own, axis=0, norm="ortho")) for own in made]
+        return [by_frequency(change, factor) for change in changes]
 
 
 def bound_of(records: Sequence[Record], outputs: Sequence[Array], disturbed: Sequence[Sequence[Array]]) -> Bound:

@@ -34,7 +34,6 @@ from bha.diagnosis.slowness import LAG, better_way
 from bha.diagnosis.valves import is_of_valves
 from bha.errors import ConvergenceError
 from bha.estimation.integration import resolved
-from bha.estimation.records import Window
 from bha.estimation.terms import EffectTerm, number_of
 from bha.recordings.beginning import preloaded
 from bha.recordings.strained import KIND as MEMORY
@@ -167,7 +166,8 @@ def added(
     else:
         jacobian = np.concatenate([begin.jacobian, columns(problem, fit, range(old, model.size))], axis=1)
         # What the new effect remembers of the motion before a log is a state of its own.
-        by_states = state_columns(problem, fit) if remembers_more(fit, begin) else begin.state_jacobians
+        more = remembers_more(problem, fit, begin)
+        by_states = state_columns(problem, fit) if more else begin.state_jacobians
         fit = weighted(problem, replace(fit, jacobian=jacobian, state_jacobians=by_states))
     if not known:
         tolerance = TOLERANCE if given.rules.thorough else COARSE_TOLERANCE
@@ -186,10 +186,9 @@ def added(
     return Trial(acting, fit, given.holdout)
 
 
-def remembers_more(fit: Fit, before: Fit) -> bool:
+def remembers_more(problem: Problem, fit: Fit, before: Fit) -> bool:
     """Whether a fit has memories of what was before its logs that another one of them has not."""
-    windows = [Window(k, 0, len(record)) for k, record in enumerate(fit.model.records)]
-    return any(np.any(fit.model.memories(w) & ~before.model.on(fit.model.records).memories(w)) for w in windows)
+    return any(np.any(fit.model.memories(w) & ~before.model.memories(w)) for w in problem.windows)
 
 
 def _gently(given: Given, fit: Fit, start: Trial, candidate: Candidate, strengths: Sequence[float]) -> Fit:

@@ -68,7 +68,7 @@ class Search:
             return known.setdefault(id(trial), replace(trial, holdout=holdout))
 
         plain = self.plain
-        holdout = plain.holdout.in_sessions(plain.fit.model, plain.fit.x, offsets=offsets)
+        holdout = plain.holdout.in_sessions(plain.fit, plain.prediction.states, offsets=offsets)
         return replace(
             self,
             plain=moved(self.plain),

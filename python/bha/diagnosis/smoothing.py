@@ -21,10 +21,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
+from scipy.fft import dct
 from scipy.ndimage import uniform_filter1d
 
-from bha.estimation.bands import frequencies
+from bha.estimation.bands import by_frequency, frequencies
 from bha.estimation.records import Record
 
 Array = NDArray[np.float64]
@@ -54,9 +54,9 @@ def errors_left(noise: Array, record: Record) -> Array:
 
     A best guess of a signal of power S in noise of power N errs by S N / (S + N): of noise the part that was kept.
     """
-    if record.pressure_gain is None or record.pressure_share is None:
+    if record.pressure_kept is None:
         return noise
-    return _passed(noise, _step(record.drive.time), np.sqrt(record.pressure_gain), np.sqrt(record.pressure_share))
+    return _passed(noise, _step(record.drive.time), *map(np.sqrt, record.pressure_kept))
 
 
 def _smoothed(record: Record) -> Record:
@@ -79,19 +79,15 @@ def _smoothed(record: Record) -> Record:
     noise = np.minimum(record.pressure_noise, np.sqrt(most))
     gain = np.column_stack([_kept(own, deviation)[bands] for own, deviation in zip(power, noise, strict=True)])
     fast = _fast(len(time), step)[:, None]
-    share = _share(_by_frequency(level, fast * gain), noise**2 * np.mean((fast * gain) ** 2, axis=0), step)
-    found = replace(record.with_pressure_noise(noise), pressure_gain=gain, pressure_share=share)
+    share = _share(by_frequency(level, fast * gain), noise**2 * np.mean((fast * gain) ** 2, axis=0), step)
+    found = replace(record.with_pressure_noise(noise), pressure_kept=(gain, share))
     return replace(found, drive=record.driven_by(sloped + _passed(level, step, gain, share)))
 
 
 def _passed(values: Array, step: float, gain: Array, share: Array) -> Array:
     """``values`` (rows, k) with a gain at each frequency, and a share of what is fast at each row, both (rows, k)."""
-    fast = _by_frequency(values, _fast(len(values), step)[:, None] * gain)
-    return np.asarray(_by_frequency(values, gain) + (share - 1.0) * fast)
-
-
-def _by_frequency(values: Array, gain: Array) -> Array:
-    return np.asarray(idct(gain * dct(values, axis=0, norm="ortho"), axis=0, norm="ortho"))
+    fast = by_frequency(values, _fast(len(values), step)[:, None] * gain)
+    return np.asarray(by_frequency(values, gain) + (share - 1.0) * fast)
 
 
 def _fast(rows: int, step: float) -> Array:

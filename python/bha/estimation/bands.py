@@ -147,6 +147,11 @@ def frequencies(rows: int, sample_time: float) -> Array:
     return np.arange(rows) / (2.0 * rows * sample_time)
 
 
+def by_frequency(values: Array, gain: Array) -> Array:
+    """Values (rows, k) with a gain on each cosine coefficient, (rows, k) or (rows, 1)."""
+    return np.asarray(idct(gain * dct(values, axis=0, norm="ortho"), axis=0, norm="ortho"))
+
+
 def ar1_density(frequency: Array, sample_time: float, time: float) -> Array:
     """Spectrum of a first-order process of variance one, over that of white noise of variance one."""
     keep = float(np.exp(-sample_time / time))

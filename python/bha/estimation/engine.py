@@ -245,6 +245,7 @@ class Model:
         n = states.shape[1] if by_states else 0
         for chunk in self._chunks(windows, 1 + len(moved) + n):
             runs: list[Run] = []
+            steps = {w: self._state_steps(windows[w], states[w][:n]) for w in chunk}
             for w in chunk:
                 window = windows[w]
                 base = self.run(z, window, states[w])
@@ -257,7 +258,7 @@ class Model:
                         if runs[-1].arm is None and not self.differences.lenient:
                             name = self.coordinates[k].name
                             raise ConvergenceError(f"{name}: no derivative at the edge of what is allowed")
-                for place, step in self._state_steps(window, states[w][:n]):
+                for place, step in steps[w]:
                     # A band that is not crossed is remembered for ever.
                     last = self._remembered(window) if place < 6 * self.sections else window.last
                     runs.append(replace(self.run(z, window, states[w] + step), last=last))
@@ -269,7 +270,7 @@ class Model:
                     if acts:
                         by_z[..., place] = (next(found) - center) / h
                 by_state = np.zeros((*center.shape, n))
-                for place, step in self._state_steps(windows[w], states[w][:n]):
+                for place, step in steps[w]:
                     table = next(found)
                     by_state[: len(table), :, place] = (table - center[: len(table)]) / step[place]
                 if self.differences.lenient:

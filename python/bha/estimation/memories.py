@@ -40,14 +40,8 @@ def remembering(parameters: ArmParameters, effects: Iterable[tuple[str, str]], *
         place = Place.read(where)
         if kind not in KINDS or place is None or (commanded and kind == OF_COMMANDS):
             continue
-        for own, names, number in zip(found, inputs, range(1, len(inputs) + 1), strict=True):
-            for bellows, name in enumerate(names):
-                if (
-                    place.input in (None, name)
-                    and place.section in (None, number)
-                    and place.bellows in (None, bellows + 1)
-                ):
-                    own[bellows] = True
+        for section, bellows in place.bellows_in(inputs):
+            found[section][bellows] = True
     return np.concatenate(found)
 
 

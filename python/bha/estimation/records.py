@@ -61,8 +61,8 @@ class Record:
         sha256: hash of its file, or None.
         doubts: what the readings of each input leave open between them; none of any if empty.
         thinning: of how many rows one is compared, after low-pass filtering.
-        pressure_gain: what was kept of the cosine coefficients of its pressures, shape (samples, inputs); None for all.
-        pressure_share: what was kept of what is fast in them, sample by sample, of the same shape; None for all.
+        pressure_kept: what was kept of the cosine coefficients of its pressures, and of what is fast in them sample by
+            sample, both of shape (samples, inputs); None for all.
         changes: what is known to have been otherwise of the arm, see :mod:`bha.estimation.conditions`.
         resting: where the arm stands when the record begins; None where it moves there.
         before: how many samples of ``drive`` say what was before the log (:meth:`preceded_by`).
@@ -80,8 +80,7 @@ class Record:
     sha256: str | None = None
     doubts: tuple[Doubt, ...] = ()
     thinning: int = 1
-    pressure_gain: Array | None = None
-    pressure_share: Array | None = None
+    pressure_kept: tuple[Array, Array] | None = None
     changes: tuple[tuple[str, float], ...] = ()
     resting: Resting | None = None
     before: int = 0
@@ -212,8 +211,7 @@ class Record:
             drive=replace(drive, time=drive.time[part], pressures=drive.pressures[part], forces=forces),
             rows=cut.rows - first,
             doubts=tuple(doubt.between(first, last) for doubt in self.doubts),
-            pressure_gain=None,
-            pressure_share=None,
+            pressure_kept=None,
         )
 
     def without(self, spans: Sequence[tuple[float, float]]) -> Record:

@@ -293,8 +293,7 @@ class ArmParameters(Table):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the pressure inputs in the order in which they first appear."""
-        names = (b.input for number, s in enumerate(self.sections, start=1) for b in s.resolved_bellows(number))
-        return tuple(dict.fromkeys(names))
+        return tuple(dict.fromkeys(name for names in self.inputs_of_bellows for name in names))
 
     @property
     def inputs_of_bellows(self) -> list[list[str]]:

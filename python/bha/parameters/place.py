@@ -98,6 +98,15 @@ class Place:
                 return [Place.of_input(name) for name in dict.fromkeys(n for i in sections for n in inputs[i - 1])]
         return [self]
 
+    def bellows_in(self, inputs: Sequence[Sequence[str]]) -> list[tuple[int, int]]:
+        """The bellows that it is, holds or feeds: section and number, both from 0; ``inputs`` as in :meth:`parts`."""
+        return [
+            (i, k)
+            for i, names in enumerate(inputs)
+            for k, name in enumerate(names)
+            if self.section in (None, i + 1) and self.bellows in (None, k + 1) and self.input in (None, name)
+        ]
+
 
 @lru_cache(maxsize=1024)
 def _read(text: str) -> Place | None:

@@ -101,7 +101,7 @@ impl<T: Real> Sensors<T> {
         for readings in &mut self.readings {
             for (reading, (play, moved)) in readings.iter_mut().zip(self.plays.iter().zip(moved)) {
                 if let Some(play) = play {
-                    *reading += *play * moved.max(-T::one()).min(T::one());
+                    *reading += *play * *moved;
                 }
             }
         }

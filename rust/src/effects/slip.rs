@@ -13,6 +13,13 @@ pub fn slip<T: Real>(w: T, travel: T, limit: T, inverse_reach: T) -> T {
     end + (w - end) * (-(travel.abs() * inverse_reach)).exp()
 }
 
+/// Moves each w of some bellows, -1 to 1, by where it stands in a run that begins in a motion ([`super::Effect::moved`]).
+pub fn moved<T: Real>(w: &mut [T], by: &[T]) {
+    for (w, by) in w.iter_mut().zip(by) {
+        *w = (*w + *by).max(-T::one()).min(T::one());
+    }
+}
+
 /// A spring that is elastic over part of its range and slips beyond: see [`crate::effects::kinds::hysteresis`].
 #[derive(Clone, Copy, Debug)]
 pub struct Slip<T> {

@@ -19,9 +19,10 @@ impl<T: Real> Plant<T> {
     }
 
     /// The same plant, whose run begins in a motion: of each bellows, where between the ends of what effects on it, on its
-    /// input and on its sensor remember these stand, -1 to 1; 0 where they would be without.
+    /// input and on its sensor remember these stand, -1 to 1 and no further; 0 where they would be without.
     pub fn moved(self, moved: Vec<T>) -> Self {
-        Self { moved: Some(moved), ..self }
+        let within = moved.into_iter().map(|m| m.max(-T::one()).min(T::one())).collect();
+        Self { moved: Some(within), ..self }
     }
 
     /// Puts what is remembered where [`Plant::moved`] has it.

@@ -7,7 +7,7 @@
 //! Hidden: w; at rest 0. Update: exact for constant speed, else of second order (`effects::slip`), g at the mean speed.
 //! Validity: passive. At r = 1 it is Dahl's law, which `hysteresis` is at larger lengths: here x is tenths of millimetres.
 
-use crate::effects::slip::slip;
+use crate::effects::slip::{self, slip};
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
 use crate::real::Real;
 use std::ops::Range;
@@ -57,9 +57,7 @@ impl<T: Real> Effect<T> for Friction<T> {
     }
 
     fn moved(&self, moved: &[T], hidden: &mut [T]) {
-        for (w, j) in hidden.iter_mut().zip(self.bellows.clone()) {
-            *w = (*w + moved[j]).max(-T::one()).min(T::one());
-        }
+        slip::moved(hidden, &moved[self.bellows.clone()]);
     }
 
     #[inline(always)]

@@ -11,7 +11,7 @@
 //! Validity: passive for F >= 0 (what is stored, F w^2 / (2 k) with k = dw/dq at w = 0, grows by no more than is put in,
 //! since dw/dq falls with d w); the loop's area does not depend on speed.
 
-use crate::effects::slip::Slip;
+use crate::effects::slip::{self, Slip};
 use crate::effects::{Definition, Effect, Instant, Parameter, PlaceKind};
 use crate::real::Real;
 use std::ops::Range;
@@ -58,9 +58,7 @@ impl<T: Real> Effect<T> for Hysteresis<T> {
     }
 
     fn moved(&self, moved: &[T], hidden: &mut [T]) {
-        for (w, j) in hidden.iter_mut().zip(self.bellows.clone()) {
-            *w = (*w + moved[j]).max(-T::one()).min(T::one());
-        }
+        slip::moved(hidden, &moved[self.bellows.clone()]);
     }
 
     #[inline(always)]

@@ -30,7 +30,7 @@ impl<T: Real> Effect<T> for ValveDeadBand<T> {
 
     fn moved_pressures(&self, moved: &[T], by: &mut [T]) {
         for j in self.inputs.clone() {
-            by[j] += self.band * moved[j].max(-T::one()).min(T::one());
+            by[j] += self.band * moved[j];
         }
     }
 
