@@ -39,7 +39,9 @@ def record_of(
     inputs = tuple(ChannelFacts(f"p1{k + 1}", "Pa", pressure_noise, 0.0, 0.0) for k in range(pressures.shape[1]))
     good = np.ones(outputs.shape, dtype=np.bool_)
     shown = observation(*(fact.name for fact in facts))
-    return Record(name, bha.Input(time, pressures), np.arange(len(time)), shown, outputs, good, facts, inputs)
+    return Record(
+        name, bha.Input(time, pressures, commanded=False), np.arange(len(time)), shown, outputs, good, facts, inputs
+    )
 
 
 def observation(*names: str, sections: int = 1) -> Observation:

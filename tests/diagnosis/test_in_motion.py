@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from estimation.test_first_second import LAG, NOISE, arm_of, log_of
 
-from bha.diagnosis.baseline import preceded_in_motion
+from bha.diagnosis.preparation import preceded_in_motion
 from bha.diagnosis.preparation import begins_at_rest
 from bha.estimation.engine import Model
 from bha.estimation.integration import by

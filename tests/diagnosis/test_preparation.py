@@ -99,6 +99,27 @@ def test_noise_free_commands_in_steps_stay_as_they_are() -> None:
     np.testing.assert_array_equal(same.drive.pressures, steps)
 
 
+def test_rounded_commands_are_no_noise() -> None:
+    time = np.arange(1000) * SAMPLE_TIME
+    rounded = np.round(1.2e5 + 2e4 * np.sin(2.0 * np.pi * time)[:, None], -2)
+    read = record_of(time, np.zeros_like(rounded), rounded, pressure_noise=100.0 / np.sqrt(12.0))
+    commands = replace(read, drive=replace(read.drive, commanded=True))
+    assert smoothing.smoothed([read])[0].pressure_kept is not None
+    assert smoothing.smoothed([commands]) == [commands]
+
+
+def test_what_stood_before_a_log_has_no_noise() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(1000) * SAMPLE_TIME
+    noisy = 1.2e5 + 200.0 * rng.standard_normal((1000, 1))
+    (smooth,) = smoothing.smoothed([record_of(time, np.zeros_like(noisy), noisy, pressure_noise=200.0)])
+    told = smooth.preceded_by(np.full(1, 1.5e5), 0.1)
+    noise = 200.0 * rng.standard_normal((1000, 1))
+    left = smoothing.errors_left(np.concatenate([np.full((told.before, 1), 200.0), noise]), told)
+    assert not left[: told.before].any()
+    np.testing.assert_allclose(left[told.before :], smoothing.errors_left(noise, smooth))
+
+
 def test_rows_are_cut_to_those_of_a_log_whose_past_is_known() -> None:
     time = np.arange(200) * 5e-3
     whole = record_of(time, np.full((200, 3), 0.2), np.full((200, 3), 2e5))

@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 import bha
+from bha.diagnosis.days import day_of, on_days
+from bha.diagnosis.fit import Fit
 from bha.diagnosis.holdout import in_its_session
 from bha.diagnosis.sessions import excused
+from bha.estimation.engine import Model
+from bha.estimation.free import resolve
+from bha.estimation.integration import by
+from bha.estimation.records import Window, record
 
 from .synthetic import make_logs, one_section, record_of
 
@@ -81,3 +87,23 @@ def test_outputs_are_as_of_their_day_before_a_model_runs_away() -> None:
     moved = in_its_session(record, shown, 2.95, session)
     assert moved[:30] == pytest.approx(measured[:30], abs=1e-12)
     assert moved[30:] - measured[30:] == pytest.approx(np.full((10, 3), 1e3), abs=1e-9)
+
+
+def test_the_day_of_a_log_is_found_by_simulating_it() -> None:
+    arm = one_section({"damping": 0.3})
+    rest = "section.1.rest_length"
+    values = {rest: arm.parameters.sections[0].rest_length + 4e-3, "ambient_pressure": 101325.0 - 900.0}
+    # Absolute pressures as of every day.
+    (log,) = make_logs(arm.with_values(values), [], durations=(8.0,), pressure_noise=0.0)
+    seen = record(arm, log)
+    model = by(Model(arm.parameters, resolve(arm.parameters, [rest]), (seen,)), step=2.5e-3)
+    window = Window(0, 0, len(seen))
+    (state,) = model.guesses(np.zeros(1), [window])
+    nothing = np.zeros(0)
+    day = day_of(Fit(model, np.zeros(1), (state,), (), nothing, 0.0), seen, state)
+    assert model.plain[0].value(day.shift[0]) == pytest.approx(values[rest], abs=3e-4)
+    assert 2e3 * day.shift[1] == pytest.approx(-900.0, abs=300.0)
+    assert "section.1.rest_length +4" in day.text
+    # To the first order an arm that swings is another one.
+    left = [np.std(seen.measured - shown) for shown in on_days(model, np.zeros(1), [day.state], [day])]
+    assert left == pytest.approx([2e-4], rel=0.1)

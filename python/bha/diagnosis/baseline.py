@@ -9,7 +9,6 @@ model.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +29,7 @@ from bha.diagnosis.fit import (
 )
 from bha.diagnosis.model import DAMPING_SPREAD, is_damping, of_camera, of_sensors
 from bha.diagnosis.noises import Bound, bound_of, disturbed_outputs, mean_white_square, sensors_of
-from bha.diagnosis.preparation import begins_at_rest, cut_to, sound_records, thin, with_least_noise
+from bha.diagnosis.preparation import cut_to, preceded_in_motion, sound_records, thin, with_least_noise
 from bha.diagnosis.rules import MATERIAL
 from bha.diagnosis.slowness import plain_divisions
 from bha.diagnosis.valves import is_of_valves, through, without_valves
@@ -41,7 +40,6 @@ from bha.estimation.bands import (
     noise_model,
 )
 from bha.estimation.engine import Model, root_mean_square
-from bha.estimation.first_second import preceded, unsure_of_pressures
 from bha.estimation.integration import (
     COARSE_ERROR_SHARE,
     COARSE_MISFIT_SHARE,
@@ -208,22 +206,6 @@ def refuse_impossible(records: Sequence[Record], states: Sequence[Array], sectio
                 "and head_offset of the file again, where its base and its markers are, and the units of the "
                 "positions; or leave the log out"
             )
-
-
-def preceded_in_motion(model: Model, x: Array) -> tuple[Record, ...]:
-    """The records of a model, those of commands that begin in motion with what stood in the chambers before.
-
-    As they are where a simulation of their first second fails.
-    """
-    records = list(model.records)
-    moving = [k for k, record in enumerate(records) if unsure_of_pressures(model.parameters, record)]
-    moving = [k for k in moving if not begins_at_rest(records[k])]
-    if moving:
-        with suppress(ConvergenceError):
-            found = preceded(model.on([records[k] for k in moving]), x).records
-            for k, record in zip(moving, found, strict=True):
-                records[k] = record
-    return tuple(records)
 
 
 def _whole(records: Sequence[Record]) -> list[Window]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.baseline import Baseline, preceded_in_motion
+from bha.diagnosis.baseline import Baseline
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.decide import GapTest, Thresholds, gap_test
 from bha.diagnosis.fit import evaluate, whole_logs
@@ -27,6 +27,7 @@ from bha.diagnosis.preparation import (
     cut_to,
     from_rest,
     left_open_in_words,
+    preceded_in_motion,
     records_of,
     sound_records,
     thin,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from bha.diagnosis.days import OF_A_SESSION, Day, day_of, on_days
 from bha.diagnosis.fit import Fit, Problem, state_columns
 from bha.diagnosis.model import of_sensors
 from bha.diagnosis.where import block_edges
@@ -32,8 +33,6 @@ Array = NDArray[np.float64]
 HOLDOUT_BLOCK, SHORTEST_BLOCK = 1.0, 0.3
 #: Blocks that there are at least, where the logs are long enough.
 ENOUGH_BLOCKS = 10
-#: Numbers that are others from day to day.
-OF_A_SESSION = frozenset({"rest_length", "camera_position"})
 #: An arm that is this far off has run away, m; what it did in the last second before that does not count either.
 RUN_AWAY, BEFORE_RUN_AWAY = 0.3, 1.0
 #: Least share of the readings of a block that count, so that it does.
@@ -102,15 +101,18 @@ class Holdout:
         readings: Readings,
         *,
         sessions: tuple[Array, ...] | None = None,
+        days: tuple[Day, ...] | None = None,
     ) -> None:
         """The logs, first guesses of their initial states, and what errors are counted on.
 
-        ``sessions`` are what numbers that differ from day to day do to each log, (rows, C, numbers): errors are counted
-        beyond what these make of them, where logs stand apart; None where they do not.
+        Where logs stand apart errors count beyond that: ``sessions`` are what numbers that differ from day to day do to
+        each log, (rows, C, numbers), and errors those beyond what these make of them; ``days`` are what these numbers
+        are for each log, as it is simulated. None where logs do not stand apart.
         """
         self.problem = problem
         self.readings = readings
         self.sessions = sessions
+        self.days = days
         self._states = tuple(states)
         self._sensitivities: tuple[Array, ...] | None = None
         self._changes: tuple[Array, ...] | None = None
@@ -153,6 +155,18 @@ class Holdout:
             tables = tuple(np.concatenate(both, axis=2) for both in zip(eyes, tables, strict=True))
         return Holdout(self.problem, self._states, self.readings, sessions=tables)
 
+    def on_their_days(self, fit: Fit, states: Sequence[Array]) -> Holdout:
+        """The same with each log simulated as its day was: the numbers of a day as the model ``fit`` shows it best.
+
+        Args:
+            fit: the model.
+            states: initial states of the logs under it.
+        """
+        found = [day_of(fit, record, state) for record, state in zip(self.problem.records, states, strict=True)]
+        model = self.problem.model.on([day.record for day in found])
+        problem = replace(self.problem, model=model)
+        return Holdout(problem, [day.state for day in found], self.readings, days=tuple(found))
+
     def compared(
         self, outputs: tuple[Array, ...], states: tuple[Array, ...], until: tuple[float, ...], rms: float
     ) -> Prediction:
@@ -179,7 +193,7 @@ class Holdout:
         Without that a model that is seen otherwise is held to a state that is off by as much.
         """
         records, free = self.problem.records, any(of_sensors(c) for c in model.plain)
-        if not free or not tells_state(records[0].observation, model.sections):
+        if self.days is not None or not free or not tells_state(records[0].observation, model.sections):
             return self._states
         try:
             return list(model.on(records).guesses(x, self.problem.windows))
@@ -188,7 +202,10 @@ class Holdout:
 
     def _evaluate(self, model: Model, x: Array, states: Sequence[Array]) -> tuple[Fit, tuple[float, ...], float]:
         """The model at ``x`` up to where it runs away, and its error over all rows, m."""
-        raw = self.problem.simulate(model, x, states)
+        if self.days is None:
+            raw = self.problem.simulate(model, x, states)
+        else:
+            raw = on_days(model.on(self.problem.records), x, states, self.days)
         outputs, until = up_to_run_away(self.problem, raw)
         # A log that stands apart begins as far apart.
         residual = self.problem.residual(self._counted(outputs, until))

@@ -7,6 +7,7 @@ of every channel, and rows thinned as far as the band that counts allows, all fr
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import firwin
 
-from bha.errors import InputError
+from bha.errors import ConvergenceError, InputError
+from bha.estimation.first_second import preceded, unsure_of_pressures
 from bha.estimation.records import Record, reading_noise
 from bha.estimation.strays import without_strays
 from bha.recordings import Observation
@@ -22,6 +24,7 @@ from bha.recordings.beginning import beginning
 from bha.recordings.clock import follows_no_motion
 
 if TYPE_CHECKING:
+    from bha.estimation.engine import Model
     from bha.recordings import Recording
 
 Array = NDArray[np.float64]
@@ -219,3 +222,19 @@ def left_open_in_words(record: Record) -> str:
     ]
     text = "pressures between their readings are known to within (RMS)"
     return f"{record.name}: {text} {', '.join(found)}; that counts as noise" if found else ""
+
+
+def preceded_in_motion(model: Model, x: Array) -> tuple[Record, ...]:
+    """The records of a model, those of commands that begin in motion with what stood in the chambers before.
+
+    As they are where a simulation of their first second fails.
+    """
+    records = list(model.records)
+    moving = [k for k, record in enumerate(records) if unsure_of_pressures(model.parameters, record)]
+    moving = [k for k in moving if not begins_at_rest(records[k])]
+    if moving:
+        with suppress(ConvergenceError):
+            found = preceded(model.on([records[k] for k in moving]), x).records
+            for k, record in zip(moving, found, strict=True):
+                records[k] = record
+    return tuple(records)

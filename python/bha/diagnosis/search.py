@@ -81,6 +81,12 @@ class Search:
             settled=self.settled and moved(self.settled),
         )
 
+    def on_their_days(self) -> tuple[Search, str]:
+        """A search that has only its plain model, with held-out logs as their days were, and these in words."""
+        holdout = self.plain.holdout.on_their_days(self.plain.fit, self.plain.prediction.states)
+        plain = replace(self.plain, holdout=holdout)
+        return replace(self, plain=plain, best=plain), "; ".join(day.text for day in holdout.days or ())
+
     def fitted(self, keys: Sequence[tuple[str, str]]) -> Trial | None:
         """The best trial with these effects that has been fitted to its end, in any order; None for none."""
         own = [t for t in self.trials if sorted(t.key) == sorted(keys) and t.fit.jacobian is not None]

@@ -45,8 +45,11 @@ FAR_APART = 1.5
 
 
 def smoothed(records: Sequence[Record]) -> list[Record]:
-    """The records with their pressures filtered, and what was kept; as they are where that is not told."""
-    return [_smoothed(record) for record in records]
+    """The records with their pressures filtered, and what was kept; as they are where that is not told.
+
+    Commands are what was commanded, rounded or not.
+    """
+    return [record if record.drive.commanded else _smoothed(record) for record in records]
 
 
 def errors_left(noise: Array, record: Record) -> Array:
@@ -56,7 +59,10 @@ def errors_left(noise: Array, record: Record) -> Array:
     """
     if record.pressure_kept is None:
         return noise
-    return _passed(noise, _step(record.drive.time), *map(np.sqrt, record.pressure_kept))
+    # What stood in the chambers before a log was not read.
+    own = record.alone.drive.time
+    left = _passed(noise[record.before :], _step(own), *map(np.sqrt, record.pressure_kept))
+    return np.concatenate([np.zeros((record.before, noise.shape[1])), left])
 
 
 def _smoothed(record: Record) -> Record:

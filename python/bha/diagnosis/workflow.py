@@ -46,6 +46,7 @@ Progress = Callable[[str, float | None], None]
 
 #: What errors do not count where logs stand apart.
 OF_SESSIONS = "other rest lengths and another place of the camera, of each log its own"
+OF_DAYS = "what is another number on another day"
 
 
 @short_repr
@@ -204,10 +205,11 @@ def _set_out(ground: Ground, course: Course, state: Search) -> tuple[Search, flo
     before, gap = ground.tested(state.plain, course.limits)
     moved, apart = _in_sessions(state, gap, ground.noise, offsets=False)
     if apart and not ground.remembers and excused(state.plain, ground.train):
+        moved, text = state.on_their_days()
         error, other = ground.tested(moved.plain, course.limits)
         # What is left must be noise, not only as little: a slow effect hides best in what every log has of its own.
         if not other.significant and other.mean_square <= other.limit:
-            return moved, error, other, f"{apart}; errors count beyond {OF_SESSIONS}"
+            return moved, error, other, f"{apart}; errors count beyond {OF_DAYS} ({text})"
     return state, before, gap, ""
 
 
