@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from estimation.test_first_second import LAG, NOISE, arm_of, log_of
 
-from bha.diagnosis.preparation import preceded_in_motion
-from bha.diagnosis.preparation import begins_at_rest
+from bha.diagnosis.preparation import begins_at_rest, preceded_in_motion
 from bha.estimation.engine import Model
 from bha.estimation.integration import by
 from bha.estimation.records import Window, record
