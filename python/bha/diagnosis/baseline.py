@@ -19,6 +19,7 @@ from bha.diagnosis.fit import (
     FAR_STEP,
     Fit,
     Problem,
+    as_measured,
     evaluate,
     improve,
     lowest,
@@ -367,6 +368,12 @@ def _to_its_end(problem: Problem, fit: Fit) -> Fit:
 
     What a plain fit stopped short of any candidate's refit would gain, and pass for an effect.
     """
+    fit = _gone_on(problem, fit)
+    measured = as_measured(problem, fit)
+    return fit if measured is fit else _gone_on(problem, measured)
+
+
+def _gone_on(problem: Problem, fit: Fit) -> Fit:
     for _ in range(ROUNDS):
         more = improve(problem, fit, iterations=40, tolerance=2e-3, renewals=12, limit=FAR_STEP)
         if more.cost > (1.0 - WORTH_A_ROUND) * fit.cost:

@@ -48,13 +48,18 @@ MASS_SPREAD, INERTIA_SPREAD, STIFFNESS_SPREAD, DAMPING_SPREAD, BENDING_SPREAD, A
 #: The same of numbers that are guesses: off by factors of three, a bending stiffness by twice what it is or more.
 GUESS, BENDING_GUESS = math.log(3.0), 2.0
 #: Plausible distance of the centre of mass along z and of the rest length, as a share of the rest length.
-CENTER_SPREAD, REST_SPREAD = 0.08, 0.2
+CENTER_SPREAD, REST_SPREAD = 0.08, 0.05
+#: Least rest length, as a share of the file's: a shorter arc stands for an arm that bends more towards its end.
+LEAST_REST = 0.75
 #: Least tangent stiffness, as a share of that at rest.
 LEAST_STIFFNESS = 0.05
 #: Differences large enough for effects that chatter; an arm has forgotten how it began after so long, s.
 DIFFERENCES = Differences(parameter=1e-3, length=1e-4, rate=1e-3, moved=1e-2, memory=4.0, lenient=True)
 #: Numbers of ``[sensors]`` that heads tell, with unit and from which distance to the file's value on they are said.
 CAMERA = (("camera_position", "m", 1e-3), ("camera_rotation", "rad", 5e-3))
+
+#: From so many times as far as a number plausibly is off, that is implausible.
+FAR_OFF = 3.0
 
 
 def coordinate(
@@ -170,6 +175,8 @@ def said_of_camera(model: Model, uncertainty: Sequence[tuple[float, float]], x: 
         how = f"stands {1e3 * size:.3g} mm beside" if unit == "m" else f"is turned by {np.degrees(size):.2g} deg from"
         values = ", ".join(f"{c.value(v):.4g}" for c, v, _ in own)
         texts.append(f"{how} where the file has it, {key} = [{values}]")
+        if unit == "m" and size > FAR_OFF * max(c.prior_deviation for c, _, _ in own):
+            texts[-1] += " (more than a camera is off: measure it; or the arm bends more towards its end than an arc)"
     return f"the camera that sees the heads {' and '.join(texts)}; estimated, no effect of the arm" if texts else None
 
 
@@ -243,7 +250,7 @@ def _rest_lengths(arm: Arm, i: int, section: Core) -> list[Coordinate]:
             rest,
             REST_SPREAD * rest,
             logarithmic=False,
-            low=0.01 * rest,
+            low=LEAST_REST * rest,
         )
         for place, path, rest in chosen
     ]

@@ -18,6 +18,7 @@ from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.fit import (
     Fit,
     Problem,
+    as_measured,
     columns,
     evaluate,
     improve,
@@ -266,6 +267,7 @@ def refined(given: Given, trial: Trial) -> Trial:
         fit = restarted(problem, to_its_end(problem, fit, tolerance=0.5 * TOLERANCE))
         if trial.candidates[-1].kind == LAG:
             fit = better_way(problem, fit)
+        fit = as_measured(problem, fit)
         store(problem, fit, name)
     candidates, fit = without_idle(trial.candidates, fit)
     return Trial(candidates, fit, given.holdout)
