@@ -10,13 +10,15 @@ import pytest
 
 import bha
 from bha.arm.geometry import camera_frame
+from bha.diagnosis.arm_figure import measured_curve
 from bha.diagnosis.model import of_camera, plain_model, sensors_at
 from bha.diagnosis.preparation import prepare
 from bha.estimation.runs import Integration
 from bha.parameters import ArmParameters
 from bha.parameters.sensors import SensorsParameters
+from bha.recordings import Observation
 
-from .synthetic import one_section, pressures, run_of
+from .synthetic import observation, one_section, pressures, run_of
 from .test_heads import OFF, log_of_heads
 
 POSITION, TURN = (0.012, -0.009, 0.004), (0.02, -0.01, 0.03)
@@ -51,11 +53,18 @@ def test_a_camera_elsewhere_is_equivalent_and_is_said(tmp_path: Path) -> None:
     (text,) = found.setup
     assert "stands 15.6 mm beside" in text
     # The new file has that camera, with its intervals.
-    written = bha.Arm.load(tmp_path / "arm_diagnosed.toml").parameters.sensors
+    diagnosed = bha.Arm.load(tmp_path / "arm_diagnosed.toml")
+    written = diagnosed.parameters.sensors
     assert written is not None
     assert written.camera_position == pytest.approx(POSITION, abs=1.5e-3)
     assert written.provenance["camera_position"].status == "identified"
     assert written.provenance["camera_rotation"].ci95 is not None
+    # The arm is drawn beside heads as that camera sees them.
+    base, head = np.zeros((1, 3)), np.array([[0.01, -0.02, 0.3]])
+    seen = camera_frame(SensorsParameters(camera_position=POSITION, camera_rotation=TURN)).positions(head)
+    layout = Observation.of(diagnosed.parameters, observation("x1", "y1", "z1").outputs)
+    curve = measured_curve(diagnosed, layout, seen.ravel(), base)
+    assert curve == pytest.approx(np.concatenate([base, head]), abs=3e-3)
 
 
 def test_creep_behind_a_camera_elsewhere_is_named() -> None:

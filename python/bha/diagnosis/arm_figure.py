@@ -19,11 +19,11 @@ from bha.arm.bodies import bellows_lines, up_direction
 from bha.diagnosis.figures import AFTER, BEFORE, MEASURED, NOISE
 from bha.errors import BhaError
 from bha.parameters import Place
+from bha.recordings import Observation
 from bha.simulation import simulate_batch
 from bha.support.extras import import_extra
 
 if TYPE_CHECKING:
-    from bha.arm.geometry import CameraFrame
     from bha.diagnosis.result import Effect
     from bha.diagnosis.workflow import Investigation
     from bha.estimation.records import Record
@@ -77,13 +77,15 @@ def _animated(
     blamed = {place for effect in effects for place in blamed_bellows(arm, effect)} if named else set()
     every = [(i, k) for i, section in enumerate(_bellows(arm)) for k in range(len(section))]
     heads_blamed = blamed_heads(arm, effects) if named else []
-    camera, base = record.observation.camera, np.asarray(arm.shape(lengths[0], 2)).reshape(-1, 3)[:1]
+    # As the diagnosed arm's camera and wires see it: that is the one that is drawn.
+    seen = Observation.of(arm.parameters, record.observation.outputs)
+    base = np.asarray(arm.shape(lengths[0], 2)).reshape(-1, 3)[:1]
 
     def drawn(k: int) -> list[Array]:
         """Curves of one frame: bellows, blamed bellows, backbone and heads measured, simulated heads, blamed heads."""
         q = lengths[k]
         simulated = np.array([arm.point_pose(q, i)[1] for i in range(1, arm.section_count + 1)])
-        measured = _measured(arm, record, record.measured[rows[k]], camera, base)
+        measured = measured_curve(arm, seen, record.measured[rows[k]], base)
         return [
             _curves(arm, q, [b for b in every if b not in blamed]),
             _curves(arm, q, [b for b in every if b in blamed]),
@@ -152,9 +154,8 @@ def _curves(arm: Arm, lengths: Array, places: Sequence[tuple[int, int]]) -> Arra
     return np.concatenate([nothing, *(part for i, k in places for part in (lines[i][k], nothing))])
 
 
-def _measured(arm: Arm, record: Record, outputs: Array, camera: CameraFrame, base: Array) -> Array:
+def measured_curve(arm: Arm, observation: Observation, outputs: Array, base: Array) -> Array:
     """The measured backbone where lengths tell it, else the base and the measured heads, m, in the base frame."""
-    observation = record.observation
     count = len(observation.rows)
     if count and int(np.linalg.matrix_rank(observation.rows)) == observation.rows.shape[1]:
         true = (outputs[:count] - observation.shifts) / observation.gains - observation.offsets
@@ -166,7 +167,7 @@ def _measured(arm: Arm, record: Record, outputs: Array, camera: CameraFrame, bas
     seen = {(o.section, o.number): k for k, o in enumerate(observation.outputs) if o.kind == "position"}
     whole = [i for i in sorted({i for i, _ in seen}) if all((i, axis) in seen for axis in (1, 2, 3))]
     heads = outputs[[seen[i, axis] for i in whole for axis in (1, 2, 3)]].reshape(-1, 3)
-    return np.concatenate([base, camera.base_positions(heads)])
+    return np.concatenate([base, observation.camera.base_positions(heads)])
 
 
 def _xyz(points: Array) -> dict[str, list[float | None]]:
