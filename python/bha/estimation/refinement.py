@@ -21,6 +21,7 @@ from bha.arm import Arm
 from bha.errors import ConvergenceError
 from bha.estimation.conditions import Condition
 from bha.estimation.disturbed import Disturbed
+from bha.estimation.divided import otherwise_divided
 from bha.estimation.engine import Model
 from bha.estimation.first_second import preceded
 from bha.estimation.free import Coordinate, FreeParameter, resolve
@@ -178,6 +179,7 @@ def refine(
                 stages.append(stage)
                 pace.work.append(pace.work[-1])
         assert reached is not None
+        reached = _otherwise_divided(*reached, settings, pace)
         (problem, outcome), searched = reached, True
         if (noises := with_noises(problem, outcome, settings, pace)) is not None:
             problem, outcome = reached = noises.problem, noises.outcome
@@ -191,6 +193,16 @@ def refine(
         known, moved = None, np.zeros_like(outcome.point.z)
     pace.finish()
     return Refinement(problem, outcome, known, moved, clock.perf_counter() - began, noises)
+
+
+def _otherwise_divided(problem: Problem, outcome: Outcome, settings: Settings, pace: Pace) -> tuple[Problem, Outcome]:
+    """The same, or where it is lower the other valley of lag and damping."""
+
+    def tell(_step: int, loss: float) -> None:
+        pace.note(f"lag and damping divided otherwise, loss {loss:.4g}")
+
+    other = otherwise_divided(problem, outcome.point, max_iterations=settings.max_iterations, progress=tell)
+    return (problem, outcome) if other is None else (problem.rescaled(scales(problem, other.point)), other)
 
 
 def _known(
