@@ -224,11 +224,12 @@ def test_errors_are_counted_on_all_readings_of_a_log() -> None:
     problem: Any = SimpleNamespace(
         records=[fewer],
         whiteners=[SimpleNamespace(kept=rows, time=fewer.time)],
-        slices=lambda: [slice(0, 3 * rows)],
+        split=lambda table: [table.reshape(rows, 3)],
     )
     outputs = np.column_stack([np.interp(fewer.time, time, y) for y in motion.T])
     readings = holdout.Readings((cut_to(record, fewer),))
-    made = holdout.predicted(problem, readings, (outputs,), (), np.ones(3 * rows), (np.inf,), 0.0)
+    blocks = holdout.blocks_of(problem, readings)
+    made = holdout.predicted(problem, readings, blocks, (outputs,), (), np.ones(3 * rows), (np.inf,), 0.0)
     assert holdout.rms_errors(made)[0] == pytest.approx(1e-3, rel=0.02)
     assert np.sum(made.counts) == 3 * len(readings.records[0].rows)
     assert made.mean_square == 1.0

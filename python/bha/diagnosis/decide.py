@@ -96,8 +96,9 @@ def gap_test(
     """
     held, covariance = holdout.problem, information(problem, fit).covariance
     here = evaluate(held, fit.model, fit.x, prediction.states)
-    spread = columns(held, here, range(fit.model.size))
-    expected, limit = allowance((spread.T @ spread) @ covariance / held.rows, held.rows, more, limits)
+    counted = holdout.rows
+    spread, rows = columns(held, here, range(fit.model.size))[counted], int(np.count_nonzero(counted))
+    expected, limit = allowance((spread.T @ spread) @ covariance / rows, rows, more, limits)
     significant = is_significant(prediction.mean_square, limit, ratio, fit.squares / problem.rows, limits)
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bha.diagnosis.baseline import Baseline
 from bha.diagnosis.cache import Cache, key_of
 from bha.diagnosis.decide import GapTest, Thresholds, gap_test
+from bha.diagnosis.extrapolation import where_told
 from bha.diagnosis.fit import evaluate, whole_logs
 from bha.diagnosis.holdout import RUN_AWAY, Holdout, Prediction, Readings, rms_errors
 from bha.diagnosis.noises import disturbed_outputs, mean_white_square
@@ -151,10 +152,12 @@ def prepare(
     sound = sound_records(held, first.holdout.problem.records, first.prediction.outputs)
     if sound != held:
         first = Trial((), baseline.fit, _holdout(baseline, sound))
-    holdout = first.holdout
+    holdout, aside = where_told(baseline.problem, first)
+    first = replace(first, holdout=holdout)
     held = [record.alone for record in holdout.readings.records]
     floor, beyond = _held_out_noise(baseline, holdout, first.prediction, seed)
     notes = _of_logs(logs, holdout_logs, [*train, *held], commanded)
+    notes += aside
     notes += filter(None, map(in_words, (*train, *read), (*baseline.prepared.full, *held)))
     if scatter is not None and np.any(scatter > baseline.noise.sensor * APART):
         notes.append(

@@ -91,6 +91,23 @@ class Readings:
         return outputs if len(own) == len(time) else np.asarray(CubicSpline(time, outputs)(own))
 
 
+@dataclass(frozen=True)
+class Block:
+    """A stretch of a log in which errors are counted.
+
+    Attributes:
+        log: number of the log.
+        white: its white rows, of those of the log.
+        readings: its readings, of those of the log.
+        count: how many of these there are, over all channels.
+    """
+
+    log: int
+    white: slice
+    readings: slice
+    count: int
+
+
 class Holdout:
     """The held-out logs with their whitening and the sensitivities of their initial states."""
 
@@ -100,17 +117,20 @@ class Holdout:
         states: Sequence[Array],
         readings: Readings,
         *,
+        blocks: Sequence[Block] | None = None,
         sessions: tuple[Array, ...] | None = None,
         days: tuple[Day, ...] | None = None,
     ) -> None:
         """The logs, first guesses of their initial states, and what errors are counted on.
 
-        Where logs stand apart errors count beyond that: ``sessions`` are what numbers that differ from day to day do to
-        each log, (rows, C, numbers), and errors those beyond what these make of them; ``days`` are what these numbers
-        are for each log, as it is simulated. None where logs do not stand apart.
+        ``blocks`` are those in which they are counted; all that have readings if None. Where logs stand apart errors
+        count beyond that: ``sessions`` are what numbers that differ from day to day do to each log, (rows, C, numbers),
+        and errors those beyond what these make of them; ``days`` are what these numbers are for each log, as it is
+        simulated. None where logs do not stand apart.
         """
         self.problem = problem
         self.readings = readings
+        self.blocks = blocks_of(problem, readings) if blocks is None else tuple(blocks)
         self.sessions = sessions
         self.days = days
         self._states = tuple(states)
@@ -153,7 +173,7 @@ class Holdout:
         if offsets:
             eyes = (np.tile(np.eye(own.shape[1]), (len(own), 1, 1)) for own in tables)
             tables = tuple(np.concatenate(both, axis=2) for both in zip(eyes, tables, strict=True))
-        return Holdout(self.problem, self._states, self.readings, sessions=tables)
+        return Holdout(self.problem, self._states, self.readings, blocks=self.blocks, sessions=tables)
 
     def on_their_days(self, fit: Fit, states: Sequence[Array]) -> Holdout:
         """The same with each log simulated as its day was: the numbers of a day as the model ``fit`` shows it best.
@@ -165,7 +185,21 @@ class Holdout:
         found = [day_of(fit, record, state) for record, state in zip(self.problem.records, states, strict=True)]
         model = self.problem.model.on([day.record for day in found])
         problem = replace(self.problem, model=model)
-        return Holdout(problem, [day.state for day in found], self.readings, days=tuple(found))
+        states = [day.state for day in found]
+        return Holdout(problem, states, self.readings, blocks=self.blocks, days=tuple(found))
+
+    def counted_in(self, blocks: Sequence[Block]) -> Holdout:
+        """The same with errors counted in some blocks."""
+        return Holdout(self.problem, self._states, self.readings, blocks=blocks)
+
+    @property
+    def rows(self) -> NDArray[np.bool_]:
+        """Which white numbers count, shape (rows,)."""
+        which = np.zeros(self.problem.rows)
+        parts = self.problem.split(which)
+        for block in self.blocks:
+            parts[block.log][block.white] = 1.0
+        return which > 0.0
 
     def compared(
         self, outputs: tuple[Array, ...], states: tuple[Array, ...], until: tuple[float, ...], rms: float
@@ -177,7 +211,7 @@ class Holdout:
         self, outputs: tuple[Array, ...], states: tuple[Array, ...], white: Array, until: tuple[float, ...], rms: float
     ) -> Prediction:
         counted = self._counted(outputs, until)
-        found = predicted(self.problem, self.readings, counted, states, white, until, rms)
+        found = predicted(self.problem, self.readings, self.blocks, counted, states, white, until, rms)
         return replace(found, outputs=outputs)
 
     def _counted(self, outputs: tuple[Array, ...], until: Sequence[float]) -> tuple[Array, ...]:
@@ -262,9 +296,27 @@ def in_its_session(record: Record, outputs: Array, until: float, session: Array)
     return np.asarray(outputs + (session / scale) @ told)
 
 
+def blocks_of(problem: Problem, readings: Readings) -> tuple[Block, ...]:
+    """The blocks in which errors are counted; one without readings says nothing, of any model."""
+    found = []
+    length = block_length([float(np.ptp(w.time)) for w in problem.whiteners])
+    for log, whitener in enumerate(problem.whiteners):
+        record = readings.records[log]
+        edges = block_edges(whitener.time, length)
+        ends = [*np.searchsorted(record.time, [whitener.time[s.start] for s in edges[1:]]), len(record.time)]
+        begin = 0
+        for s, stop in zip(edges, ends, strict=True):
+            own, begin = slice(begin, int(stop)), int(stop)
+            number = int(np.count_nonzero(record.usable[own]))
+            if number >= LEAST_COUNTED * max(1, record.usable[own].size):
+                found.append(Block(log, s, own, number))
+    return tuple(found)
+
+
 def predicted(
     problem: Problem,
     readings: Readings,
+    blocks: Sequence[Block],
     outputs: tuple[Array, ...],
     states: tuple[Array, ...],
     white: Array,
@@ -272,30 +324,18 @@ def predicted(
     rms: float,
 ) -> Prediction:
     """A prediction from its outputs, with its errors block by block."""
-    blocks: list[float] = []
-    squares: list[float] = []
-    counts: list[int] = []
-    length = block_length([float(np.ptp(w.time)) for w in problem.whiteners])
-    for log, (whitener, part, y, end) in enumerate(
-        zip(problem.whiteners, problem.slices(), outputs, until, strict=True)
-    ):
+    errors = []
+    for log, y in enumerate(outputs):
         record = readings.records[log]
-        error = np.where(record.usable, record.measured - readings.at(log, problem.records[log].time, y), 0.0)
-        rows = white[part].reshape(whitener.kept, -1)
-        edges = block_edges(whitener.time, length)
-        ends = [*np.searchsorted(record.time, [whitener.time[s.start] for s in edges[1:]]), len(record.time)]
-        begin = 0
-        for s, stop in zip(edges, ends, strict=True):
-            own, begin = slice(begin, int(stop)), int(stop)
-            number = int(np.count_nonzero(record.usable[own]))
-            counted = number / max(1, record.usable[own].size)
-            # A block without readings says nothing, of any model.
-            if counted >= LEAST_COUNTED:
-                before = whitener.time[s][-1] < end
-                blocks.append(float(np.mean(rows[s] ** 2)) if before else np.nan)
-                squares.append(float(np.sum(error[own] ** 2)) if before else np.nan)
-                counts.append(number)
-    return Prediction(outputs, states, white, np.array(blocks), np.array(squares), np.array(counts), rms, until)
+        errors.append(np.where(record.usable, record.measured - readings.at(log, problem.records[log].time, y), 0.0))
+    rows = problem.split(white)
+    valid = [problem.whiteners[b.log].time[b.white][-1] < until[b.log] for b in blocks]
+    means = [float(np.mean(rows[b.log][b.white] ** 2)) for b in blocks]
+    sums = [float(np.sum(errors[b.log][b.readings] ** 2)) for b in blocks]
+    counts = np.array([b.count for b in blocks])
+    return Prediction(
+        outputs, states, white, np.where(valid, means, np.nan), np.where(valid, sums, np.nan), counts, rms, until
+    )
 
 
 def block_length(durations: Sequence[float]) -> float:

@@ -90,7 +90,8 @@ def remembered(
         )
     if other is None:
         return None
-    other_logs = Holdout(held, list(prediction.states), holdout.readings, sessions=holdout.sessions)
+    states = list(prediction.states)
+    other_logs = Holdout(held, states, holdout.readings, blocks=holdout.blocks, sessions=holdout.sessions)
     without = other_logs.predict(other.model, other.x)
     before, after = rms_errors(without, prediction)
     removed = share_removed(before, after, noise)
