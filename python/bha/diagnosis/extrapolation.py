@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 OPEN, LEAST = 0.25, 0.5
 
 
-def where_told(problem: Problem, plain: Trial) -> tuple[Holdout, list[str]]:
+def where_told(problem: Problem, plain: Trial) -> tuple[Holdout, str]:
     """The held-out logs with errors counted where the logs of the fit tell the plain model, and which part is not.
 
     Args:
@@ -39,18 +39,18 @@ def where_told(problem: Problem, plain: Trial) -> tuple[Holdout, list[str]]:
     holdout, fit = plain.holdout, plain.fit
     here = evaluate(holdout.problem, fit.model, fit.x, plain.prediction.states)
     if not np.isfinite(here.cost):
-        return holdout, []
+        return holdout, ""
     spread = columns(holdout.problem, here, range(fit.model.size))
     covariance = information(problem, fit).covariance
     parts = holdout.problem.split(np.einsum("ij,jk,ik->i", spread, covariance, spread, optimize=True))
     told = [block for block in holdout.blocks if np.mean(parts[block.log][block.white]) <= OPEN]
     every = sum(block.count for block in holdout.blocks)
     if len(told) == len(holdout.blocks) or sum(block.count for block in told) < LEAST * every:
-        return holdout, []
+        return holdout, ""
     return holdout.counted_in(told), _in_words(holdout, [block for block in holdout.blocks if block not in told])
 
 
-def _in_words(holdout: Holdout, aside: list[Block]) -> list[str]:
+def _in_words(holdout: Holdout, aside: list[Block]) -> str:
     found = []
     for log, own in groupby(aside, key=lambda block: block.log):
         record = holdout.readings.records[log]
@@ -61,6 +61,6 @@ def _in_words(holdout: Holdout, aside: list[Block]) -> list[str]:
                 spans[-1][1] = end
             else:
                 spans.append([begin, end])
-        text = ", ".join(f"{begin:.3g} to {end:.3g} s" for begin, end in spans)
-        found.append(f"{record.name}: {text} do not count: the logs of the fit do not tell what the arm does there")
-    return found
+        text = " and ".join(f"{begin:.3g} to {end:.3g} s" for begin, end in spans)
+        found.append(f"{record.name} {text}")
+    return f"not counted, as the logs of the fit do not tell what the arm does there: {', '.join(found)}"

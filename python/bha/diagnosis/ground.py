@@ -68,6 +68,7 @@ class Ground:
         noise: RMS error of a right model on the held-out logs, m.
         beyond: mean square of their white rows beyond that of the training logs, of a right model.
         notes: what is worth saying of it.
+        aside: where held-out logs do not count, in words; empty where all of them does.
         heads, lengths: whether head positions were measured, and lengths where effects of their sensors are defined.
         cache: of finished fits.
     """
@@ -80,6 +81,7 @@ class Ground:
     noise: float
     beyond: float
     notes: list[str]
+    aside: str
     heads: bool
     lengths: bool
     cache: Cache
@@ -157,7 +159,6 @@ def prepare(
     held = [record.alone for record in holdout.readings.records]
     floor, beyond = _held_out_noise(baseline, holdout, first.prediction, seed)
     notes = _of_logs(logs, holdout_logs, [*train, *held], commanded)
-    notes += aside
     notes += filter(None, map(in_words, (*train, *read), (*baseline.prepared.full, *held)))
     if scatter is not None and np.any(scatter > baseline.noise.sensor * APART):
         notes.append(
@@ -178,6 +179,7 @@ def prepare(
         noise=float(np.sqrt(np.mean(floor**2))),
         beyond=beyond,
         notes=notes,
+        aside=aside,
         heads=heads,
         lengths=lengths,
         cache=cache,

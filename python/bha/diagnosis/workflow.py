@@ -296,6 +296,8 @@ def _decided(ground: Ground, course: Course, found: Found) -> tuple[Decision, tu
     if found.beside is not None and state.complete:
         decision = found.beside.judge(decision, ground.noise)
         decision = _completed(decision, ground, found, (before, after), course.seed)
+    if ground.aside:
+        decision = replace(decision, reason=f"{decision.reason}; {ground.aside}")
     return decision, (before, after)
 
 
