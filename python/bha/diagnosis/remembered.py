@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.diagnosis.decide import Thresholds
 from bha.diagnosis.fit import Fit, Problem, evaluate, improve
-from bha.diagnosis.holdout import Holdout, Prediction, rms_errors, share_removed
+from bha.diagnosis.holdout import Holdout, Prediction, error_of, rms_errors, share_removed, up_to_run_away
 from bha.diagnosis.refit import GREATEST_STEP, ITERATIONS, RENEWALS, TOLERANCE
 from bha.diagnosis.result import Alternative, Diagnosis, Effect
-from bha.errors import ConvergenceError
+from bha.errors import BhaError, ConvergenceError
 from bha.estimation.engine import Model
 from bha.estimation.free import Coordinate, FreeParameter, resolve
 from bha.estimation.preload import of_record
@@ -91,12 +91,34 @@ def remembered(
     if other is None:
         return None
     states = list(prediction.states)
-    other_logs = Holdout(held, states, holdout.readings, blocks=holdout.blocks, sessions=holdout.sessions)
-    without = other_logs.predict(other.model, other.x)
+    logs = Holdout(held, states, holdout.readings, blocks=holdout.blocks, sessions=holdout.sessions)
+    without = begun_by_law(logs, other)
+    if without is None:
+        return None
     before, after = rms_errors(without, prediction)
     removed = share_removed(before, after, noise)
     first = np.array([record.resting.values for record in problem.records if record.resting is not None])
     return Remembered(float(np.max(np.ptp(first, axis=0))), before, after, removed) if removed >= limits.half else None
+
+
+def begun_by_law(logs: Holdout, fit: Fit) -> Prediction | None:
+    """Held-out logs under a model that begins each where its law has the arm under the log's first pressures.
+
+    Without that a damping beyond all measure remembers how each log began. None where no pose is held.
+    """
+    model, states = fit.model.on(logs.problem.records), []
+    for number, record in enumerate(logs.problem.records):
+        arm, _ = model.shown(fit.x, number)
+        if arm is None:
+            return None
+        with suppress(ValueError, BhaError):
+            lengths = np.asarray(arm.static_lengths(record.drive.pressures[0]))
+            states.append(np.concatenate([lengths, np.zeros(len(fit.states[0]) - len(lengths))]))
+    if len(states) < len(logs.problem.records):
+        return None
+    outputs = logs.problem.simulate(model, fit.x, states)
+    kept, until = up_to_run_away(logs.problem, outputs)
+    return logs.compared(kept, tuple(states), until, error_of(logs.problem, outputs))
 
 
 def forgetful(problem: Problem) -> Problem:
