@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.diagnosis.fit import STATE_DEVIATION
 from bha.diagnosis.preparation import preceded_in_motion
 from bha.errors import ConvergenceError
 from bha.estimation.free import FreeParameter, resolve
+from bha.estimation.memories import DEVIATION as MEMORY_DEVIATION
 from bha.estimation.records import Record, Window
 from bha.parameters import paths
 
@@ -63,8 +65,12 @@ def day_of(fit: Fit, record: Record, state: Array) -> Day:
     here = _shifted(fit.x, np.zeros(count))
     own = [(model.plain[k], float(here[k])) for k in which]
     weights = np.array([c.slope(z) / SPREADS[paths.key_of(c.path)] for c, z in own]) ** 2
+    # A log whose first readings do not count does not tell how it begins.
+    lengths = 3 * model.sections
+    deviations = np.repeat([*STATE_DEVIATION, MEMORY_DEVIATION], [lengths, lengths, len(state) - 2 * lengths])
+    weights = np.concatenate([weights, deviations**-2.0])
     found, least = Day(np.zeros(count), record, state, ""), np.inf
-    shift, step = np.zeros(count), np.zeros(len(which) + len(state))
+    begun, shift, step = state, np.zeros(count), np.zeros(len(weights))
     for _ in range(STEPS):
         shift = shift.copy()
         shift[which] += step[: len(which)]
@@ -76,14 +82,15 @@ def day_of(fit: Fit, record: Record, state: Array) -> Day:
         except ConvergenceError:
             break
         left, table = _left(record, shown)
-        loss = float(left @ left + weights @ shift[which] ** 2)
+        moved = np.concatenate([shift[which], state - begun])
+        loss = float(left @ left + weights @ moved**2)
         if not loss < least:
             break
         done, least = loss > (1.0 - LITTLE) * least, loss
         found = Day(shift, model.records[0], state, _in_words(record, model, fit.x, shift))
         if done:
             break
-        step = _step(table, left, weights, shift[which])
+        step = _step(table, left, weights, moved)
     return found
 
 
@@ -116,14 +123,10 @@ def _left(record: Record, shown: Linearized) -> tuple[Array, Array]:
     return left, np.concatenate([by_x, by_state], axis=2)[record.usable] / noise[:, None]
 
 
-def _step(table: Array, left: Array, weights: Array, shift: Array) -> Array:
-    normal, right = table.T @ table, table.T @ left
-    own = range(len(weights))
-    normal[own, own] += weights
-    right[: len(weights)] -= weights * shift
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    # What a state does not show stays.
-    return np.asarray(np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-12)[0] / scale)
+def _step(table: Array, left: Array, weights: Array, moved: Array) -> Array:
+    normal, right = table.T @ table + np.diag(weights), table.T @ left - weights * moved
+    scale = np.sqrt(np.diag(normal))
+    return np.asarray(np.linalg.solve(normal / np.outer(scale, scale), right / scale) / scale)
 
 
 def _in_words(record: Record, model: Model, x: Array, shift: Array) -> str:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Problem, columns, evaluate
+from bha.diagnosis.fit import Problem, columns, evaluate, project_states, state_columns
 from bha.diagnosis.holdout import Block, Holdout
 from bha.diagnosis.information import information
 
@@ -40,7 +40,9 @@ def where_told(problem: Problem, plain: Trial) -> tuple[Holdout, str]:
     here = evaluate(holdout.problem, fit.model, fit.x, plain.prediction.states)
     if not np.isfinite(here.cost):
         return holdout, ""
+    # What initial states take up, each log's own, is none.
     spread = columns(holdout.problem, here, range(fit.model.size))
+    spread = project_states(holdout.problem, state_columns(holdout.problem, here), spread)
     covariance = information(problem, fit).covariance
     parts = holdout.problem.split(np.einsum("ij,jk,ik->i", spread, covariance, spread, optimize=True))
     told = [block for block in holdout.blocks if np.mean(parts[block.log][block.white]) <= OPEN]

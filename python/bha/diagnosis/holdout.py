@@ -182,8 +182,9 @@ class Holdout:
             fit: the model.
             states: initial states of the logs under it.
         """
-        found = [day_of(fit, record, state) for record, state in zip(self.problem.records, states, strict=True)]
-        model = self.problem.model.on([day.record for day in found])
+        found = [day_of(fit, record, state) for record, state in zip(self.seen, states, strict=True)]
+        records = [replace(day.record, usable=r.usable) for day, r in zip(found, self.problem.records, strict=True)]
+        model = self.problem.model.on(records)
         problem = replace(self.problem, model=model)
         states = [day.state for day in found]
         return Holdout(problem, states, self.readings, blocks=self.blocks, days=tuple(found))
@@ -191,6 +192,18 @@ class Holdout:
     def counted_in(self, blocks: Sequence[Block]) -> Holdout:
         """The same with errors counted in some blocks."""
         return Holdout(self.problem, self._states, self.readings, blocks=blocks)
+
+    @property
+    def seen(self) -> tuple[Record, ...]:
+        """The logs of which no readings but those that are counted are to be used."""
+        found = []
+        for log, record in enumerate(self.problem.records):
+            time, own = self.problem.whiteners[log].time, [block.white for block in self.blocks if block.log == log]
+            edges = np.concatenate([[-np.inf], time[1:], [np.inf]])
+            spans = [(edges[white.start], edges[white.stop]) for white in own]
+            within = np.any([(record.time >= begin) & (record.time < end) for begin, end in spans], axis=0)
+            found.append(replace(record, usable=record.usable & np.reshape(within, (-1, 1))))
+        return tuple(found)
 
     @property
     def rows(self) -> NDArray[np.bool_]:
