@@ -2,9 +2,10 @@
 
 What: under the same pressures such an arm stands elsewhere after each use. Its plain model takes what holds it where a
 log begins from that log's first pose (:func:`bha.diagnosis.plain.remembering`); no law from pressures to poses, and no
-data sheet, has that. The same model that is held alike in all logs, by forces fitted anew, is what a law can do. Where
-it misses held-out logs by so much more that the memory is at least half of its excess error, as is asked of one effect,
-the family is named: what slips (hysteresis, friction) or creeps. Which of them it is first poses do not tell.
+data sheet, has that. The same model that is held alike in all logs, by forces fitted anew, and begins held-out logs
+where it has the arm under their first pressures (:func:`begun_by_law`), is what a law can do. Where it misses held-out
+logs by so much more that the memory is at least half of its excess error, as is asked of one effect, the family is
+named: what slips (hysteresis, friction) or creeps. Which of them it is first poses do not tell.
 Limits: logs that begin at rest; how the hold gives way as the arm moves on is left to the search.
 """
 
