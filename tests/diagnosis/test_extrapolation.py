@@ -45,7 +45,7 @@ def test_a_stretch_that_was_not_fitted_counts_for_nothing(monkeypatch: pytest.Mo
     found = bha.diagnose(STATED, logs[:2], logs[2:], kinds=("quadratic_damping",))
     assert found.verdict == "equivalent"
     assert found.gap.before < 1.1 * found.gap.noise
-    text = re.search(r"not counted, .* there: <arrays> ([\d.]+) to ([\d.]+) s", found.reason)
+    text = re.search(r"not counted, .* there: <arrays> from ([\d.]+) s to ([\d.]+) s", found.reason)
     assert text is not None
     assert [float(t) for t in text.groups()] == pytest.approx([5.0, 8.0], abs=0.5)
     # It was no small matter.

@@ -87,11 +87,11 @@ def day_of(fit: Fit, record: Record, state: Array) -> Day:
         if not loss < least:
             break
         done, least = loss > (1.0 - LITTLE) * least, loss
-        found = Day(shift, model.records[0], state, _in_words(record, model, fit.x, shift))
+        found = Day(shift, model.records[0], state, "")
         if done:
             break
         step = _step(table, left, weights, moved)
-    return found
+    return replace(found, text=_in_words(found, model, fit.x)) if np.isfinite(least) else found
 
 
 def on_days(model: Model, x: Array, states: Sequence[Array], days: Sequence[Day]) -> list[Array]:
@@ -129,11 +129,10 @@ def _step(table: Array, left: Array, weights: Array, moved: Array) -> Array:
     return np.asarray(np.linalg.solve(normal / np.outer(scale, scale), right / scale) / scale)
 
 
-def _in_words(record: Record, model: Model, x: Array, shift: Array) -> str:
-    at = _shifted(x, shift)
-    texts = []
+def _in_words(day: Day, model: Model, x: Array) -> str:
+    shift, at, texts = day.shift, _shifted(x, day.shift), []
     for k, c in enumerate(model.plain):
         if paths.key_of(c.path) in SPREADS:
             change = c.value(float(at[k])) - c.value(float(at[k] - shift[k]))
             texts.append(f"{c.name} {1e3 * change:+.2g} mm" if c.unit == "m" else f"{c.name} {change:+.2g} {c.unit}")
-    return f"{record.name}: {', '.join(texts)}"
+    return f"{day.record.name}: {', '.join(texts)}"

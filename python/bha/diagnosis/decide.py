@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Fit, Problem, columns, evaluate
+from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.holdout import Holdout, Prediction, rms_errors, share_removed
 from bha.diagnosis.information import information
 from bha.diagnosis.rules import MATERIAL
@@ -94,10 +94,8 @@ def gap_test(
 
     ``more`` is what noise has in mean square there beyond that of the training logs.
     """
-    held, covariance = holdout.problem, information(problem, fit).covariance
-    here = evaluate(held, fit.model, fit.x, prediction.states)
-    counted = holdout.rows
-    spread, rows = columns(held, here, range(fit.model.size))[counted], int(np.count_nonzero(counted))
+    covariance, counted = information(problem, fit).covariance, holdout.rows
+    spread, rows = holdout.slopes(fit, prediction.states)[1][counted], int(np.count_nonzero(counted))
     expected, limit = allowance((spread.T @ spread) @ covariance / rows, rows, more, limits)
     significant = is_significant(prediction.mean_square, limit, ratio, fit.squares / problem.rows, limits)
     return GapTest(prediction.mean_square, expected, limit, ratio, significant)

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Problem, columns, evaluate, project_states, state_columns
+from bha.diagnosis.fit import Problem, project_states, state_columns
 from bha.diagnosis.holdout import Block, Holdout
 from bha.diagnosis.information import information
+from bha.recordings.ranges import stretches
+from bha.support.spans import spans_of
 
 if TYPE_CHECKING:
     from bha.diagnosis.refit import Trial
@@ -37,11 +39,10 @@ def where_told(problem: Problem, plain: Trial) -> tuple[Holdout, str]:
         plain: the plain model on both.
     """
     holdout, fit = plain.holdout, plain.fit
-    here = evaluate(holdout.problem, fit.model, fit.x, plain.prediction.states)
+    here, spread = holdout.slopes(fit, plain.prediction.states)
     if not np.isfinite(here.cost):
         return holdout, ""
     # What initial states take up, each log's own, is none.
-    spread = columns(holdout.problem, here, range(fit.model.size))
     spread = project_states(holdout.problem, state_columns(holdout.problem, here), spread)
     covariance = information(problem, fit).covariance
     parts = holdout.problem.split(np.einsum("ij,jk,ik->i", spread, covariance, spread, optimize=True))
@@ -56,13 +57,10 @@ def _in_words(holdout: Holdout, aside: list[Block]) -> str:
     found = []
     for log, own in groupby(aside, key=lambda block: block.log):
         record = holdout.readings.records[log]
-        spans: list[list[float]] = []
+        left = np.zeros(len(record), dtype=np.bool_)
         for block in own:
-            begin, end = (float(t) for t in record.time[block.readings][[0, -1]])
-            if spans and begin - spans[-1][1] < 1.5 * record.sample_time:
-                spans[-1][1] = end
-            else:
-                spans.append([begin, end])
-        text = " and ".join(f"{begin:.3g} to {end:.3g} s" for begin, end in spans)
-        found.append(f"{record.name} {text}")
+            left[block.readings] = True
+        time = record.time
+        spans = [(float(time[a]), float(time[b - 1])) for a, b in spans_of(left)]
+        found.append(f"{record.name} {stretches(spans, float(time[0]))}")
     return f"not counted, as the logs of the fit do not tell what the arm does there: {', '.join(found)}"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.model import FAR_OFF
+from bha.diagnosis.model import IMPLAUSIBLE
 from bha.errors import ConvergenceError
 from bha.estimation.bands import NoiseModel, Whitener
 from bha.estimation.engine import Model, Near
@@ -345,7 +345,7 @@ def as_measured(problem: Problem, fit: Fit) -> Fit:
     it has that.
     """
     own = [k for k, c in enumerate(fit.model.plain) if paths.key_of(c.path) in MEASURED]
-    if not own or np.max(np.abs(fit.x[own])) < FAR_OFF:
+    if not own or np.max(np.abs(fit.x[own])) < IMPLAUSIBLE:
         return fit
     x = fit.x.copy()
     x[own] = 0.0

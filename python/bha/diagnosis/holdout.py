@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.days import OF_A_SESSION, Day, day_of, on_days
-from bha.diagnosis.fit import Fit, Problem, state_columns
+from bha.diagnosis.fit import Fit, Problem, columns, evaluate, state_columns
 from bha.diagnosis.model import of_sensors
 from bha.diagnosis.where import block_edges
 from bha.errors import ConvergenceError
@@ -136,6 +136,7 @@ class Holdout:
         self._states = tuple(states)
         self._sensitivities: tuple[Array, ...] | None = None
         self._changes: tuple[Array, ...] | None = None
+        self._slopes: tuple[Fit, Fit, Array] | None = None
 
     def predict(self, model: Model, x: Array) -> Prediction:
         """Open-loop prediction; rows from where a run runs away do not count."""
@@ -190,8 +191,22 @@ class Holdout:
         return Holdout(problem, states, self.readings, blocks=self.blocks, days=tuple(found))
 
     def counted_in(self, blocks: Sequence[Block]) -> Holdout:
-        """The same with errors counted in some blocks."""
-        return Holdout(self.problem, self._states, self.readings, blocks=blocks)
+        """The same with errors counted in some blocks; what is known of the plain model stays."""
+        found = Holdout(self.problem, self._states, self.readings, blocks=blocks)
+        found._sensitivities, found._slopes = self._sensitivities, self._slopes
+        return found
+
+    def slopes(self, fit: Fit, states: Sequence[Array]) -> tuple[Fit, Array]:
+        """A model on the logs, and their white sensitivities by its coordinates, shape (rows, size); kept for the last.
+
+        Args:
+            fit: the model.
+            states: initial states of the logs as it predicts them.
+        """
+        if self._slopes is None or self._slopes[0] is not fit:
+            here = evaluate(self.problem, fit.model, fit.x, states)
+            self._slopes = fit, here, columns(self.problem, here, range(fit.model.size))
+        return self._slopes[1:]
 
     @property
     def seen(self) -> tuple[Record, ...]:

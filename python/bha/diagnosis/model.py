@@ -59,7 +59,7 @@ DIFFERENCES = Differences(parameter=1e-3, length=1e-4, rate=1e-3, moved=1e-2, me
 CAMERA = (("camera_position", "m", 1e-3), ("camera_rotation", "rad", 5e-3))
 
 #: From so many times as far as a number plausibly is off, that is implausible.
-FAR_OFF = 3.0
+IMPLAUSIBLE = 3.0
 
 
 def coordinate(
@@ -175,7 +175,7 @@ def said_of_camera(model: Model, uncertainty: Sequence[tuple[float, float]], x: 
         how = f"stands {1e3 * size:.3g} mm beside" if unit == "m" else f"is turned by {np.degrees(size):.2g} deg from"
         values = ", ".join(f"{c.value(v):.4g}" for c, v, _ in own)
         texts.append(f"{how} where the file has it, {key} = [{values}]")
-        if unit == "m" and size > FAR_OFF * max(c.prior_deviation for c, _, _ in own):
+        if unit == "m" and size > IMPLAUSIBLE * max(c.prior_deviation for c, _, _ in own):
             texts[-1] += " (more than a camera is off: measure it; or the arm bends more towards its end than an arc)"
     return f"the camera that sees the heads {' and '.join(texts)}; estimated, no effect of the arm" if texts else None
 

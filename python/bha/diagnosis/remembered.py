@@ -112,7 +112,7 @@ def begun_by_law(logs: Holdout, fit: Fit) -> Prediction | None:
         arm, _ = model.shown(fit.x, number)
         if arm is None:
             return None
-        with suppress(ValueError, BhaError):
+        with suppress(BhaError):
             lengths = np.asarray(arm.static_lengths(record.drive.pressures[0]))
             states.append(np.concatenate([lengths, np.zeros(len(fit.states[0]) - len(lengths))]))
     if len(states) < len(logs.problem.records):

@@ -85,5 +85,5 @@ def other_division(problem: Problem, z: Array) -> Array | None:
         found = rates(own, pressures, section)
         return None if found is None or section not in times else (found, times[section].across, times[section].along)
 
-    points = seen_times(model.coordinates, model, z, seen)
-    return points[SHARES.index(max(SHARES) if lag < 0.5 * together else min(SHARES))]
+    share = max(SHARES) if lag < 0.5 * together else min(SHARES)
+    return seen_times(model.coordinates, model, z, seen, (share,))[0]

@@ -98,6 +98,7 @@ def seen_times(
     model: Model,
     z: Array,
     times: Callable[[Arm, int], tuple[Rates, float, float] | None],
+    shares: Sequence[float] = SHARES,
 ) -> list[Array]:
     """Points like ``z`` whose dampings give the times that held poses saw, for each share of the pressures' lag.
 
@@ -105,7 +106,7 @@ def seen_times(
     """
     lagging = [k for k, c in enumerate(coordinates) if c.path in PATHS]
     made = []
-    for share in SHARES if lagging else (0.0,):
+    for share in shares if lagging else (0.0,):
         point = z.copy()
         arm = model.arm(z, model.records[0].condition)
         for section in range(1, arm.section_count + 1):

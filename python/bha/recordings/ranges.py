@@ -185,6 +185,12 @@ def moment(time: float, first: float) -> str:
     return f"{time:.4g} s" if abs(first) < FAR_CLOCK else f"{time - first:.4g} s after its start"
 
 
+def stretches(spans: Sequence[tuple[float, float]], first: float) -> str:
+    """``"from 3.1 s to 3.7 s, from 5 s to 6 s and 2 more"``; ``first`` is the time of the log's first row, s."""
+    shown = ", ".join(f"from {moment(a, first)} to {moment(b, first)}" for a, b in spans[:3])
+    return shown + (f" and {len(spans) - 3} more" if len(spans) > 3 else "")
+
+
 def _hint(recording: Readings, column: str, values: Array, permitted: Array) -> str:
     """What the fault may be: gauge pressure read as absolute, absolute one as gauge, or another unit."""
     ambient, middle = recording.arm.parameters.ambient_pressure, float(np.median(values))

@@ -158,10 +158,7 @@ class Recording(Readings):
         return tuple(said)
 
     def _spans(self, spans: Sequence[tuple[float, float]]) -> str:
-        """``"from 3.1 s to 3.7 s, from 5 s to 6 s and 2 more"``."""
-        first = float(self.time[0])
-        shown = ", ".join(f"from {ranges.moment(a, first)} to {ranges.moment(b, first)}" for a, b in spans[:3])
-        return shown + (f" and {len(spans) - 3} more" if len(spans) > 3 else "")
+        return ranges.stretches(spans, float(self.time[0]))
 
     def errors(self, trajectory: Trajectory) -> Array:
         """Simulated minus measured outputs at the rows of a trajectory of this drive, shape (rows, C).
