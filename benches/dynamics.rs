@@ -21,7 +21,7 @@ fn arm(sections: usize) -> Arm {
         bellows_radius: 0.093,
         base_offset: 0.0,
         head_offset: 0.0,
-        bending_stiffness: [3.0, 0.0],
+        bending_stiffness: [3.0, 0.0, 0.0],
         cross_bending_stiffness: None,
         bending_plane: 0.0,
         axial: None,

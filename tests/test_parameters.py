@@ -98,7 +98,7 @@ def test_core_json_is_complete_and_says_what_the_file_says() -> None:
         "bellows_radius": 0.1,
         "base_offset": 0,
         "head_offset": 0,
-        "bending_stiffness": [4, 0],
+        "bending_stiffness": [4, 0, 0],
         "length_range": [0.1, 0.3],
     }
     assert [b["angle"] for b in bellows] == pytest.approx([0, 2 * math.pi / 3, 4 * math.pi / 3], abs=1e-15)
@@ -211,7 +211,7 @@ FAULTS = [
         "stiffness: found [1, 2, 3, 4, 5, 6, 7, 8, 9]; allowed: 1 to 8",
     ),
     ("[1300.0, 1500.0]", "[1.0, nan]", "section 1: stiffness: found [1.0, nan]; allowed: 1 to 8 numbers"),
-    ("[4.0]", "[4.0, 1.0, 1.0]", "bending_stiffness: found [4.0, 1.0, 1.0]; allowed: [k1] or [k1, k3]"),
+    ("[4.0]", "[4, 1, 1, 1]", "bending_stiffness: found [4, 1, 1, 1]; allowed: [k1], [k1, k3] or [k1, k3, k5]"),
     ("[0.10, 0.30]", "[0.3, 0.1]", "length_range: found [0.3, 0.1]: the range is empty, 0.3 is not below 0.1; allowed"),
     ("[0.7e5, 2.2e5]", "[2e5, 1e5]", "section 1: pressure_range: found [200000.0, 100000.0]: the range is empty"),
     ("inertia = [2e-3, 2e-3, 3e-3]", "", "inertia: missing; give inertia, or bellows_outer_radius so that (56)"),

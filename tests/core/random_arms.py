@@ -14,6 +14,12 @@ from bha.parameters import ArmParameters
 Array = NDArray[np.float64]
 
 
+def fifth_degree(coefficients: Array) -> list[float]:
+    """k1, k3 of a bending moment, and a k5."""
+    k1, k3 = (float(k) for k in coefficients)
+    return [k1, k3, 0.5 * k3 - 0.05]
+
+
 def random_arm_text(rng: np.random.Generator, sections: int, force_model: str, *, varied: bool = False) -> str:
     """The text of a parameter file of an arm with nothing symmetric about it.
 
@@ -42,7 +48,7 @@ def random_arm_text(rng: np.random.Generator, sections: int, force_model: str, *
             f"rest_length = {rng.uniform(0.1, 0.2)}",
             f"stiffness = {[float(x) for x in rng.uniform([500, 500, 5000], [1500, 1500, 12000])]}",
             f"damping = {rng.uniform(4, 20)}",
-            f"bending_stiffness = {[float(x) for x in rng.uniform([1, 0], [4, 0.3])]}",
+            f"bending_stiffness = {fifth_degree(rng.uniform([1, 0], [4, 0.3]))}",
             "length_range = [0.1, 0.3]",
             "pressure_range = [0.7e5, 2.2e5]",
             f"base_offset = {rng.uniform(0, 0.03)}",

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from random_arms import Array, random_arm_text
+from random_arms import Array, fifth_degree, random_arm_text
 
 import bha
 from bha import reference as ref
@@ -27,7 +27,7 @@ def held(text: str, rng: np.random.Generator) -> str:
 
     def lines(_: re.Match[str]) -> str:
         planes = [
-            f"cross_bending_stiffness = {[float(x) for x in rng.uniform([1, 0], [6, 0.5])]}",
+            f"cross_bending_stiffness = {fifth_degree(rng.uniform([1, 0], [6, 0.5]))}",
             f"bending_plane = {rng.uniform(-3, 3)}"
             if rng.random() < 0.5
             else f"bending_plane_deg = {rng.uniform(0, 180)}",

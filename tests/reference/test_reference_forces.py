@@ -22,8 +22,8 @@ def held(arm: ref.Arm) -> ref.Arm:
     sections = tuple(
         dataclasses.replace(
             section,
-            bending_stiffness=(2.0 + i, 0.3),
-            cross_bending_stiffness=(5.0 - i, 0.7 * i),
+            bending_stiffness=(2.0 + i, 0.3, 0.2 - 0.1 * i),
+            cross_bending_stiffness=(5.0 - i, 0.7 * i, 0.15),
             bending_plane=0.4 + 0.9 * i,
             axial_stiffness=(900.0 + 300.0 * i, 0.0, 4e3),
             axial_rest_length=0.17 + 0.01 * i,
@@ -42,13 +42,14 @@ def test_every_force_that_holds_has_a_potential(held: ref.Arm, state: State) -> 
 
 def test_bending_moment_in_its_planes(held: ref.Arm) -> None:
     section = held.sections[1]
-    for phi, (k1, k3) in (
+    for phi, (k1, k3, k5) in (
         (section.bending_plane, section.bending_stiffness),
         (section.bending_plane + math.pi / 2, section.cross_bending_stiffness),
     ):
         for turn in (0.0, math.pi):
             direction = (math.cos(phi + turn), math.sin(phi + turn))
-            assert forces.bending_moment(section, 0.8, direction) == pytest.approx(k1 * 0.8 + k3 * 0.8**3, rel=1e-12)
+            moment = k1 * 0.8 + k3 * 0.8**3 + k5 * 0.8**5
+            assert forces.bending_moment(section, 0.8, direction) == pytest.approx(moment, rel=1e-12)
             assert forces.bending_turning_moment(section, 0.8, direction) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -64,7 +65,7 @@ def test_a_fabric_arm_hardly_lengthens_and_bends_easily(held: ref.Arm, state: St
     """Springs at the bellows' radius tie lengthening (3 k) to bending (1.5 k r^2); an axial spring does not."""
     (section, *_) = held.sections
     fabric = dataclasses.replace(
-        section, stiffness=(0.0,), bending_stiffness=(0.0, 0.0), cross_bending_stiffness=(0.0, 0.0)
+        section, stiffness=(0.0,), bending_stiffness=(0.0,) * 3, cross_bending_stiffness=(0.0,) * 3
     )
     arm = dataclasses.replace(held, sections=(fabric,), gravity=(0.0, 0.0, 0.0))
     bent = np.array([-0.05, 0.01, 0.04]) + fabric.axial_rest_length
@@ -163,11 +164,11 @@ def test_files_state_them() -> None:
         ]
     )
     plain = ref.parse_arm(text).sections[0]
-    assert plain.cross_bending_stiffness == (2.0, 0.0)
+    assert plain.cross_bending_stiffness == (2.0, 0.0, 0.0)
     assert (plain.axial_stiffness, plain.axial_rest_length, plain.axial_damping) == ((), 0.15, 0.0)
-    more = "\ncross_bending_stiffness = [3.0, 0.5]\nbending_plane_deg = 30.0\naxial_stiffness = [500.0]\n"
+    more = "\ncross_bending_stiffness = [3.0, 0.5, 0.2]\nbending_plane_deg = 30.0\naxial_stiffness = [500.0]\n"
     stated = ref.parse_arm(text + more + "axial_rest_length = 0.2\naxial_damping = 4.0").sections[0]
-    assert stated.cross_bending_stiffness == (3.0, 0.5)
+    assert stated.cross_bending_stiffness == (3.0, 0.5, 0.2)
     assert stated.bending_plane == pytest.approx(math.pi / 6)
     assert (stated.axial_stiffness, stated.axial_rest_length, stated.axial_damping) == ((500.0,), 0.2, 4.0)
     with pytest.raises(ParameterError, match="both of bending_plane"):

@@ -156,6 +156,13 @@ PLANS: tuple[KindPlan, ...] = (
     KindPlan("quadratic_damping", BELLOWS, (Strength("damping", 60.0),), parts="bellows", passive=("damping",)),
     KindPlan("bending_damping", SECTION, (Strength("damping", 0.1),), parts="section", passive=("damping",)),
     KindPlan("bending_nonlinear", SECTION, (Strength("cubic_stiffness", 3.0, signed=True),), parts="section"),
+    # Where a cube is not all that it grows by.
+    KindPlan(
+        "bending_nonlinear",
+        SECTION,
+        (Strength("cubic_stiffness", 3.0, signed=True), Strength("quintic_stiffness", 3.0, signed=True)),
+        parts="section",
+    ),
     KindPlan(
         "bending_anisotropy",
         SECTION,

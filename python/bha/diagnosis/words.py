@@ -147,11 +147,13 @@ def _bending_damping(place: Place, n: Numbers) -> str:
 
 
 def _bending_nonlinear(place: Place, n: Numbers) -> str:
-    change = "grows" if n["cubic_stiffness"] > 0.0 else "falls"
-    return (
-        f"the bending stiffness of {section_of(place).text} {change} with the bend (cubic part "
-        f"{number(n['cubic_stiffness'], 'N m/rad^3')})"
-    )
+    cubic, quintic = n["cubic_stiffness"], n.get("quintic_stiffness", 0.0)
+    # At a radian both parts count alike.
+    change = "grows" if cubic + quintic > 0.0 else "falls"
+    parts = f"cubic part {number(cubic, 'N m/rad^3')}"
+    if quintic:
+        parts += f", quintic {number(quintic, 'N m/rad^5')}"
+    return f"the bending stiffness of {section_of(place).text} {change} with the bend ({parts})"
 
 
 def _bending_anisotropy(place: Place, n: Numbers) -> str:

@@ -6,6 +6,8 @@ from bha.parameters import paths
 from bha.parameters.tables import AXES
 
 _POWERS = {"1": "linear", "2": "quadratic", "3": "cubic"}
+#: Of the odd powers of a bending moment.
+_ODD_POWERS = {"1": "", "2": "cubic ", "3": "quintic "}
 
 
 def spoken(path: str) -> str:
@@ -17,7 +19,7 @@ def spoken(path: str) -> str:
     if key in ("stiffness", "axial_stiffness") and last.isdigit():
         words = f"{_POWERS.get(last, f'power {last}')} {words}"
     elif key in ("bending_stiffness", "cross_bending_stiffness") and last.isdigit():
-        words = words if last == "1" else f"cubic {words}"
+        words = f"{_ODD_POWERS.get(last, '')}{words}"
     elif last in AXES:
         words += f" along {last}"
     if steps[0] == "section":

@@ -29,7 +29,7 @@ from bha.parameters.provenance import (
     provenance_key,
     provenance_mapping,
 )
-from bha.parameters.section import TABLES_OF_A_SECTION, SectionParameters
+from bha.parameters.section import BENDING_TERMS, TABLES_OF_A_SECTION, SectionParameters
 from bha.parameters.sensors import LengthSensorParameters, SensorsParameters, check_length_sensors
 from bha.support.files import written_whole
 
@@ -331,7 +331,7 @@ class ArmParameters(Table):
                 "bellows_radius": section.bellows_radius,
                 "base_offset": section.base_offset,
                 "head_offset": section.head_offset,
-                "bending_stiffness": (*section.bending_stiffness, 0.0)[:2],
+                "bending_stiffness": _bending(section.bending_stiffness),
                 **_planes(section),
                 **_axial(section),
                 "length_range": section.length_range,
@@ -385,12 +385,17 @@ class ArmParameters(Table):
                 yield StatedValue(where.section, where.bellows, name, value, unit, provenance, effect=number)
 
 
+def _bending(stated: tuple[float, ...]) -> tuple[float, ...]:
+    """All coefficients of a bending moment, zero where none is stated."""
+    return (*stated, *(0.0 for _ in range(BENDING_TERMS - len(stated))))
+
+
 def _planes(section: SectionParameters) -> dict[str, Any]:
     """The keys of a bending stiffness that differs from plane to plane; none where it does not."""
     if section.cross_bending_stiffness is None:
         return {}
     return {
-        "cross_bending_stiffness": (*section.cross_bending_stiffness, 0.0)[:2],
+        "cross_bending_stiffness": _bending(section.cross_bending_stiffness),
         "bending_plane": section.bending_plane_rad,
     }
 

@@ -10,7 +10,7 @@ path                                           number
 ``ambient_pressure``                           Pa
 ``section.2.mass``                             a value of section 2
 ``section.1.stiffness.2``                      coefficient of the second power, N/m^2
-``section.1.bending_stiffness.1``              k1 (``.2``: k3), N m; likewise ``cross_bending_stiffness``
+``section.1.bending_stiffness.1``              k1 (``.2``: k3, ``.3``: k5), N m; likewise ``cross_bending_stiffness``
 ``section.1.bending_plane``                    rad
 ``section.1.axial_stiffness.1``                N/m; with ``axial_rest_length`` (m), ``axial_damping`` (N s/m)
 ``section.1.center_of_mass.z``                 an entry of a vector
@@ -44,7 +44,7 @@ from bha.errors import InputError, ParameterError
 from bha.parameters.arm import ArmParameters, section_mapping
 from bha.parameters.base import nearest
 from bha.parameters.base_pose import BaseParameters
-from bha.parameters.section import SectionParameters
+from bha.parameters.section import BENDING_TERMS, SectionParameters
 from bha.parameters.sensors import SensorsParameters
 from bha.parameters.tables import (
     ARM_VECTORS,
@@ -58,7 +58,12 @@ from bha.parameters.tables import (
 )
 
 #: Most coefficients of a stiffness polynomial, and of the bending moment.
-_TERMS = {"stiffness": 8, "bending_stiffness": 2, "cross_bending_stiffness": 2, "axial_stiffness": 8}
+_TERMS = {
+    "stiffness": 8,
+    "bending_stiffness": BENDING_TERMS,
+    "cross_bending_stiffness": BENDING_TERMS,
+    "axial_stiffness": 8,
+}
 _ARM_NUMBERS = ("ambient_pressure",)
 _SECTION_VECTORS = ("center_of_mass", "inertia")
 _SECTION_NUMBERS = (

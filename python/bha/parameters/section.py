@@ -39,6 +39,9 @@ from bha.parameters.provenance import ProvenanceTable, check_provenance, provena
 T = TypeVar("T")
 
 STANDARD_ANGLES_DEG = (0.0, 120.0, 240.0)
+#: Coefficients of a bending moment, of the odd powers of the bend, and how they are written.
+BENDING_TERMS = 3
+BENDING_ALLOWED = "[k1], [k1, k3] or [k1, k3, k5] (N m)"
 #: Keys of a section that are tables of their own.
 TABLES_OF_A_SECTION = ("bellows", "arcs", "masses", "provenance")
 # Angles written in radians are rounded.
@@ -81,20 +84,20 @@ class SectionParameters(Table):
     stiffness: Polynomial = key(STIFFNESS_ALLOWED, STIFFNESS_MEANING, unit="N/m^k")
     damping: NotNegative = key("a number >= 0 (N s/m)", "damping of one bellows", unit="N s/m")
     bending_stiffness: tuple[Number, ...] = key(
-        "[k1] or [k1, k3] (N m, N m)",
-        "bending moment k1 psi + k3 psi^3 at the bending angle psi",
+        BENDING_ALLOWED,
+        "bending moment k1 psi + k3 psi^3 + k5 psi^5 at the bending angle psi",
         unit="N m",
         min_length=1,
-        max_length=2,
+        max_length=BENDING_TERMS,
     )
     cross_bending_stiffness: tuple[Number, ...] | None = key(
-        "[k1] or [k1, k3] (N m, N m)",
+        BENDING_ALLOWED,
         "the same of bending at right angles to bending_plane",
         left_out="as bending_stiffness, in all planes",
         unit="N m",
         default=None,
         min_length=1,
-        max_length=2,
+        max_length=BENDING_TERMS,
     )
     bending_plane: Number | None = key(
         "a number (rad)",
@@ -214,7 +217,7 @@ class SectionParameters(Table):
 
     @property
     def resolved_cross_bending_stiffness(self) -> tuple[float, ...]:
-        """k1 and, where stated, k3 at right angles to the bending plane, N m."""
+        """k1 and, where stated, k3 and k5 at right angles to the bending plane, N m."""
         return self.bending_stiffness if self.cross_bending_stiffness is None else self.cross_bending_stiffness
 
     @property

@@ -70,11 +70,11 @@ def bending_potential(section: Section, x: Array) -> float:
     """U_bend of (33) as the integral of the bending moment M_bend(psi, phi) over psi, J; x = (u, v, l)."""
     psi = float(np.hypot(x[0], x[1]))
     phi = math.atan2(x[1], x[0])
-    # The moment is odd and cubic: two values say all of it.
-    one, two = (bending_moment(section, angle, (math.cos(phi), math.sin(phi))).real for angle in (1.0, 2.0))
-    k3 = (two - 2 * one) / 6
-    moment = np.polynomial.Polynomial([0.0, one - k3, 0.0, k3])
-    return float(moment.integ()(psi))
+    # The moment is an odd polynomial of the fifth degree, which three points integrate exactly (Gauss-Legendre).
+    points, weights = np.polynomial.legendre.leggauss(3)
+    angles = psi / 2 * (points + 1)
+    moments = [bending_moment(section, angle, (math.cos(phi), math.sin(phi))).real for angle in angles]
+    return float(psi / 2 * weights @ np.array(moments))
 
 
 def spring_potential(stiffness: tuple[float, ...], extension: Array) -> float:

@@ -109,15 +109,16 @@ def generalized_bellows_force(arm: Arm, state: Transformations, F: Array) -> Arr
 
 
 def bending_moment(section: Section, psi: complex, direction: tuple[complex, complex]) -> complex:
-    """M_bend(psi, phi) of (33) = k1(phi) psi + k3(phi) psi^3, which straightens the section; N m.
+    """M_bend(psi, phi) of (33) = k1(phi) psi + k3(phi) psi^3 + k5(phi) psi^5, which straightens the section; N m.
 
-    Linear in psi in the paper (Fig. 9), which writes a dependence on phi and gives none. Here both coefficients go
+    Linear in psi in the paper (Fig. 9), which writes a dependence on phi and gives none. Here all coefficients go
     from those in the plane phi = ``bending_plane`` to those at right angles to it as cos^2 goes to sin^2: the law of
     a linear plate, and what two pairs of opposite springs do. ``direction`` is (cos phi, sin phi).
     """
     cosine, sine = in_principal_planes(section, direction)
-    (k1, k3), (cross_k1, cross_k3) = section.bending_stiffness, section.cross_bending_stiffness
-    return (cosine**2 * k1 + sine**2 * cross_k1) * psi + (cosine**2 * k3 + sine**2 * cross_k3) * psi**3
+    pairs = zip(section.bending_stiffness, section.cross_bending_stiffness, strict=True)
+    k1, k3, k5 = (cosine**2 * along + sine**2 * across for along, across in pairs)
+    return k1 * psi + k3 * psi**3 + k5 * psi**5
 
 
 def bending_turning_moment(section: Section, psi: complex, direction: tuple[complex, complex]) -> complex:
@@ -126,9 +127,10 @@ def bending_turning_moment(section: Section, psi: complex, direction: tuple[comp
     M_bend depends on phi, so that its integral over psi does too, and what has a potential has both derivatives.
     """
     cosine, sine = in_principal_planes(section, direction)
-    (k1, k3), (cross_k1, cross_k3) = section.bending_stiffness, section.cross_bending_stiffness
+    pairs = zip(section.bending_stiffness, section.cross_bending_stiffness, strict=True)
+    k1, k3, k5 = (along - across for along, across in pairs)
     slope = -2 * cosine * sine  # of cos^2; that of sin^2 is its opposite
-    return slope * ((k1 - cross_k1) * psi**2 / 2 + (k3 - cross_k3) * psi**4 / 4)
+    return slope * (k1 * psi**2 / 2 + k3 * psi**4 / 4 + k5 * psi**6 / 6)
 
 
 def in_principal_planes(section: Section, direction: tuple[complex, complex]) -> tuple[complex, complex]:

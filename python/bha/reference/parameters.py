@@ -70,9 +70,9 @@ class Section:
     rest_length: float  # m
     stiffness: tuple[float, ...]  # coefficients of (q - rest_length)^1, ^2, ...: N/m, N/m^2, ...
     damping: float  # N s/m
-    bending_stiffness: tuple[float, float]  # k1, k3 of M_bend = k1 psi + k3 psi^3 where phi is bending_plane, N m
+    bending_stiffness: tuple[float, float, float]  # k1, k3, k5 of M_bend, (33), where phi is bending_plane, N m
     length_range: tuple[float, float]  # m
-    cross_bending_stiffness: tuple[float, float]  # k1, k3 at right angles to that plane, N m
+    cross_bending_stiffness: tuple[float, float, float]  # k1, k3, k5 at right angles to that plane, N m
     bending_plane: float = 0.0  # rad
     # Of the mean length: coefficients of (l - axial_rest_length)^1, ^2, ...: N/m, N/m^2, ...
     axial_stiffness: tuple[float, ...] = ()
@@ -271,9 +271,9 @@ def _section(table: _Table) -> Section:
     inertia = cylinder_inertia(mass, r_B, r_b, (shortest + longest) / 2)
     if "inertia" in table.values:
         inertia = _three(table.numbers("inertia", 3))
-    k1, k3 = [*table.numbers("bending_stiffness", 1, 2), 0.0][:2]
+    bending = table.numbers("bending_stiffness", 1, 3)
     terminal_area = table.number("terminal_area", positive=True)
-    cross_k1, cross_k3 = [*table.numbers("cross_bending_stiffness", 1, 2, default=(k1, k3)), 0.0][:2]
+    cross_bending = table.numbers("cross_bending_stiffness", 1, 3, default=bending)
     if "bending_plane" in table.values and "bending_plane_deg" in table.values:
         raise ParameterError(
             f"{table.where}: found both of bending_plane and bending_plane_deg, one at most is allowed"
@@ -290,9 +290,9 @@ def _section(table: _Table) -> Section:
         rest_length=rest_length,
         stiffness=table.numbers("stiffness", 1, 12),
         damping=table.number("damping"),
-        bending_stiffness=(k1, k3),
+        bending_stiffness=_three((*bending, 0.0, 0.0)[:3]),
         length_range=(shortest, longest),
-        cross_bending_stiffness=(cross_k1, cross_k3),
+        cross_bending_stiffness=_three((*cross_bending, 0.0, 0.0)[:3]),
         bending_plane=table.number("bending_plane", default=bending_plane),
         axial_stiffness=table.numbers("axial_stiffness", 0, 12, default=()),
         axial_rest_length=table.number("axial_rest_length", default=rest_length, positive=True),

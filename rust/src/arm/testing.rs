@@ -87,7 +87,7 @@ fn section(index: usize, x: &[f64], force_model: ForceModel) -> SectionParameter
         bellows_radius: radius,
         base_offset: 0.03 * x[14],
         head_offset: 0.03 * x[15],
-        bending_stiffness: [1.0 + 3.0 * x[16], 0.3 * x[17]],
+        bending_stiffness: [1.0 + 3.0 * x[16], 0.3 * x[17], 0.2 * x[16] * x[17]],
         cross_bending_stiffness: None,
         bending_plane: 0.0,
         axial: None,
@@ -125,7 +125,7 @@ fn parameters(
 /// Bending planes and axial stiffness, each in about half of the sections.
 fn hold(section: &mut SectionParameters, x: &[f64]) {
     if x[16] > 0.5 {
-        section.cross_bending_stiffness = Some([1.0 + 3.0 * x[0], 0.3 * x[1]]);
+        section.cross_bending_stiffness = Some([1.0 + 3.0 * x[0], 0.3 * x[1], 0.2 * x[0] * x[1]]);
         section.bending_plane = 6.0 * x[2] - 3.0;
     }
     if x[17] > 0.5 {

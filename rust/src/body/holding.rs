@@ -18,12 +18,14 @@ pub struct BendingPlanes<T> {
     pub linear: [T; 2],
     /// Of k3, N m.
     pub cubic: [T; 2],
+    /// Of k5, N m.
+    pub quintic: [T; 2],
 }
 
 impl<T: Real> BendingPlanes<T> {
     /// All planes alike.
     pub fn alike() -> Self {
-        Self { linear: [T::zero(); 2], cubic: [T::zero(); 2] }
+        Self { linear: [T::zero(); 2], cubic: [T::zero(); 2], quintic: [T::zero(); 2] }
     }
 }
 
@@ -40,24 +42,27 @@ pub struct Axial<T> {
     pub damping: T,
 }
 
-/// k1 and k3 in the mean over the planes, and how they differ, where they do.
-pub(super) type Bending = ([f64; 2], Option<Box<BendingPlanes<f64>>>);
+/// Terms of the bending moment: the odd powers of the bend up to the fifth.
+pub const BENDING_TERMS: usize = 3;
+
+/// k1, k3, k5 in the mean over the planes, and how they differ, where they do.
+pub(super) type Bending = ([f64; BENDING_TERMS], Option<Box<BendingPlanes<f64>>>);
 
 /// The bending stiffness that the parameters state.
 pub(super) fn bending(place: &str, p: &SectionParameters) -> Result<Bending> {
-    let mut along = [0.0; 2];
+    let mut along = [0.0; BENDING_TERMS];
     for (k, &given) in along.iter_mut().zip(&p.bending_stiffness) {
         *k = finite(place, "bending_stiffness", given)?;
     }
     let Some(given) = p.cross_bending_stiffness else { return Ok((along, None)) };
-    let mut across = [0.0; 2];
+    let mut across = [0.0; BENDING_TERMS];
     for (k, given) in across.iter_mut().zip(given) {
         *k = finite(place, "cross_bending_stiffness", given)?;
     }
     let (sin, cos) = (2.0 * finite(place, "bending_plane", p.bending_plane)?).sin_cos();
-    let half = [0, 1].map(|k| 0.5 * (along[k] - across[k]));
-    let mean = [0, 1].map(|k| 0.5 * (along[k] + across[k]));
-    let planes = BendingPlanes { linear: [half[0] * cos, half[0] * sin], cubic: [half[1] * cos, half[1] * sin] };
+    let [linear, cubic, quintic] = [0, 1, 2].map(|k| 0.5 * (along[k] - across[k])).map(|d| [d * cos, d * sin]);
+    let mean = [0, 1, 2].map(|k| 0.5 * (along[k] + across[k]));
+    let planes = BendingPlanes { linear, cubic, quintic };
     Ok((mean, Some(Box::new(planes))))
 }
 
@@ -86,6 +91,6 @@ impl Axial<f64> {
 impl BendingPlanes<f64> {
     /// The same with `c` of every number.
     pub(super) fn map<T: Real>(&self, c: impl Fn(f64) -> T + Copy) -> BendingPlanes<T> {
-        BendingPlanes { linear: self.linear.map(c), cubic: self.cubic.map(c) }
+        BendingPlanes { linear: self.linear.map(c), cubic: self.cubic.map(c), quintic: self.quintic.map(c) }
     }
 }

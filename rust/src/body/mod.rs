@@ -13,7 +13,7 @@ mod springs;
 
 pub use along::{MOST_ALONG, PointMass, SectionArc, Taper};
 pub use base::Base;
-pub use holding::{Axial, BendingPlanes};
+pub use holding::{Axial, BENDING_TERMS, BendingPlanes};
 pub use parameters::ForceModel;
 pub use section::{BELLOWS_PER_SECTION, Bellows, Section};
 pub use springs::STIFFNESS_TERMS;

@@ -3,7 +3,8 @@
 //! The keys are those of the schema `bha-arm/1`. The Python package validates a user's file and fills in defaults; this
 //! module reads the result (JSON) and `Arm::new` checks it again, so that the crate is safe on its own.
 
-use serde::{Deserialize, Serialize};
+use super::BENDING_TERMS;
+use serde::{Deserialize, Deserializer, Serialize, de};
 use std::collections::BTreeMap;
 
 /// How bellows forces act on the arm. See `forces`.
@@ -164,12 +165,13 @@ pub struct SectionParameters {
     /// Rigid piece along z after the arc, m; the head frame sits at its end.
     #[serde(default)]
     pub head_offset: f64,
-    /// k1, k3 of M_bend = k1 psi + k3 psi^3, N m / rad and N m / rad^3; in the plane `bending_plane` where
+    /// k1, k3, k5 of M_bend = k1 psi + k3 psi^3 + k5 psi^5, N m / rad^(1, 3, 5); in the plane `bending_plane` where
     /// `cross_bending_stiffness` is given.
-    pub bending_stiffness: [f64; 2],
-    /// k1, k3 at right angles to that plane; all planes are alike if left out.
-    #[serde(default)]
-    pub cross_bending_stiffness: Option<[f64; 2]>,
+    #[serde(deserialize_with = "bending_terms")]
+    pub bending_stiffness: [f64; BENDING_TERMS],
+    /// k1, k3, k5 at right angles to that plane; all planes are alike if left out.
+    #[serde(default, deserialize_with = "cross_bending_terms")]
+    pub cross_bending_stiffness: Option<[f64; BENDING_TERMS]>,
     /// phi of that plane, rad.
     #[serde(default)]
     pub bending_plane: f64,
@@ -235,4 +237,19 @@ pub struct EffectParameters {
     /// The force of a `formula`.
     #[serde(default)]
     pub force: Option<String>,
+}
+
+/// Coefficients of a bending moment, zero where fewer are given.
+fn bending_terms<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; BENDING_TERMS], D::Error> {
+    let given = Vec::<f64>::deserialize(from)?;
+    let mut all = [0.0; BENDING_TERMS];
+    let places = all.get_mut(..given.len()).filter(|p| !p.is_empty());
+    places.ok_or_else(|| de::Error::invalid_length(given.len(), &"1 to 3 coefficients"))?.copy_from_slice(&given);
+    Ok(all)
+}
+
+fn cross_bending_terms<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; BENDING_TERMS]>, D::Error> {
+    #[derive(Deserialize)]
+    struct Terms(#[serde(deserialize_with = "bending_terms")] [f64; BENDING_TERMS]);
+    Ok(Option::<Terms>::deserialize(from)?.map(|terms| terms.0))
 }

@@ -2,7 +2,7 @@
 
 use super::along::{PointMass, SectionArc, Taper, normalized};
 use super::check::{finite, not_negative, positive};
-use super::holding::{self, Axial, BendingPlanes};
+use super::holding::{self, Axial, BENDING_TERMS, BendingPlanes};
 use super::parameters::{BellowsParameters, SectionParameters};
 use super::springs::{STIFFNESS_TERMS, stiffness_terms};
 use crate::error::{Error, Result};
@@ -55,8 +55,8 @@ pub struct Section<T> {
     pub base_offset: T,
     /// Rigid piece after the arc, m.
     pub head_offset: T,
-    /// k1, k3 of the bending moment, in the mean over the planes.
-    pub bending_stiffness: [T; 2],
+    /// k1, k3, k5 of the bending moment, in the mean over the planes.
+    pub bending_stiffness: [T; BENDING_TERMS],
     /// How they differ from plane to plane, where they do.
     pub bending_planes: Option<Box<BendingPlanes<T>>>,
     /// What holds its mean length beside the bellows, where something does.

@@ -217,7 +217,9 @@ proptest! {
             if let Some(planes) = &mut section.bending_planes {
                 // Twice the angle.
                 let turn = |[x, y]: [f64; 2]| [c * x + s * y, c * y - s * x];
-                (planes.linear, planes.cubic) = (turn(planes.linear), turn(planes.cubic));
+                for of_power in [&mut planes.linear, &mut planes.cubic, &mut planes.quintic] {
+                    *of_power = turn(*of_power);
+                }
             }
         }
         let shift = |x: &[f64]| x.chunks(3).flat_map(|c| [c[2], c[0], c[1]]).collect::<Vec<_>>();
@@ -242,7 +244,7 @@ proptest! {
                 mass.offset.0[1] = 0.0;
             }
             if let Some(planes) = &mut s.bending_planes {
-                (planes.linear[1], planes.cubic[1]) = (0.0, 0.0);
+                (planes.linear[1], planes.cubic[1], planes.quintic[1]) = (0.0, 0.0, 0.0);
             }
         }
         let mirror = |x: Vec<f64>| x.chunks(3).flat_map(|c| [c[0], c[1], c[1]]).collect::<Vec<_>>();

@@ -105,8 +105,9 @@ impl VirtualArm {
             if let Some(f) = actions.external.get(i) {
                 out.add_force(&head, &times(&head.rotation, &section.force_point), f);
             }
-            let [k1, k3] = section.bending_stiffness;
-            let bending = k1 + k3 * (arc[0] * arc[0] + arc[1] * arc[1]);
+            let [k1, k3, k5] = section.bending_stiffness;
+            let s = arc[0] * arc[0] + arc[1] * arc[1];
+            let bending = k1 + k3 * s + k5 * s * s;
             out.force[3 * i] -= bending * arc[0];
             out.force[3 * i + 1] -= bending * arc[1];
             for b in &section.bellows {
@@ -168,7 +169,8 @@ impl VirtualArm {
             below = end.shifted(&(Vector3::z() * section.head_offset));
             potential -= section.plate_mass * self.gravity.dot(&below.shifted(&section.plate_center).position);
             let s = arc[0] * arc[0] + arc[1] * arc[1];
-            potential += 0.5 * section.bending_stiffness[0] * s + 0.25 * section.bending_stiffness[1] * s * s;
+            let [k1, k3, k5] = section.bending_stiffness;
+            potential += k1 * s / 2.0 + k3 * s.powi(2) / 4.0 + k5 * s.powi(3) / 6.0;
         }
         for (i, b, first) in self.each_bellows() {
             potential += b.spring_energy(b.length(&x[3 * i..3 * i + 3]));

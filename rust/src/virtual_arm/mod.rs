@@ -23,6 +23,7 @@ pub use arc::PSI_MAX;
 pub use run::{Rows, State};
 
 use crate::arm::Arm;
+use crate::body::BENDING_TERMS;
 use crate::body::parameters::{ArmParameters, ForceModel, PneumaticsLevel, SectionParameters};
 use crate::error::{Error, Result};
 use nalgebra::Vector3;
@@ -70,7 +71,7 @@ struct Section {
     radius: f64,
     base_offset: f64,
     head_offset: f64,
-    bending_stiffness: [f64; 2],
+    bending_stiffness: [f64; BENDING_TERMS],
     bellows: Vec<Bellows>,
 }
 

@@ -67,7 +67,7 @@ fn payload_adds_a_point_mass() {
 fn those_that_change_the_arm_equal_a_changed_arm() {
     let mut changed = parameters(&[]);
     changed.section[1].bellows[2].stiffness.iter_mut().for_each(|k| *k *= 0.7);
-    changed.section[2].bending_stiffness[1] = 0.8;
+    changed.section[2].bending_stiffness[1..].copy_from_slice(&[0.8, -0.1]);
     let (sin, cos) = 0.2_f64.sin_cos();
     changed.gravity = [9.81 * sin, 0.0, 9.81 * cos];
     changed.force_model = ForceModel::EndForce;
@@ -75,7 +75,7 @@ fn those_that_change_the_arm_equal_a_changed_arm() {
     changed.section[0].center_of_mass = [0.0; 3];
     let mut with = parameters(&[
         effect("weak_bellows", "bellows 23", &[("change", -0.3)]),
-        effect("bending_nonlinear", "section 3", &[("cubic_stiffness", 0.5)]),
+        effect("bending_nonlinear", "section 3", &[("cubic_stiffness", 0.5), ("quintic_stiffness", -0.1)]),
         effect("bending_nonlinear", "all", &[("cubic_stiffness", 0.3)]),
         effect("base_tilt", "all", &[("about_x", 0.0), ("about_y", 0.2)]),
         effect("work_conjugate", "all", &[]),
@@ -87,7 +87,7 @@ fn those_that_change_the_arm_equal_a_changed_arm() {
     let (a, b) = (Arm::new(&with).unwrap(), Arm::new(&changed).unwrap());
     assert!(close(&acceleration(&a), &acceleration(&b), 1e-10));
     // A plane of a section, and planes of several effects, add up.
-    let stated = |stiffness: [f64; 2], cross: [f64; 2], plane: f64| {
+    let stated = |stiffness: [f64; 3], cross: [f64; 3], plane: f64| {
         let mut p = parameters(&[]);
         p.section[1].bending_stiffness = stiffness;
         (p.section[1].cross_bending_stiffness, p.section[1].bending_plane) = (Some(cross), plane);
@@ -97,12 +97,12 @@ fn those_that_change_the_arm_equal_a_changed_arm() {
         effect("bending_anisotropy", "section 2", &[("stiffness", 1.3), ("angle", 0.4)]),
         effect("bending_anisotropy", "section 2", &[("stiffness", 0.4), ("angle", 0.4 + FRAC_PI_2)]),
     ];
-    let (a, b) = (arm(&ribs), Arm::new(&stated([4.3, 0.0], [3.4, 0.0], 0.4)).unwrap());
+    let (a, b) = (arm(&ribs), Arm::new(&stated([4.3, 0.0, 0.0], [3.4, 0.0, 0.0], 0.4)).unwrap());
     assert!(close(&acceleration(&a), &acceleration(&b), 1e-10));
-    let mut stiff = stated([3.0, 0.2], [3.6, 0.5], -0.3);
+    let mut stiff = stated([3.0, 0.2, 0.1], [3.6, 0.5, 0.3], -0.3);
     stiff.effect = ribs[..1].to_vec();
     let bending = ForceSet { bending: true, ..ForceSet::NONE };
-    let both: Vec<f64> = force(&Arm::new(&stated([3.0, 0.2], [3.6, 0.5], -0.3)).unwrap(), bending)
+    let both: Vec<f64> = force(&Arm::new(&stated([3.0, 0.2, 0.1], [3.6, 0.5, 0.3], -0.3)).unwrap(), bending)
         .iter()
         .zip(force(&arm(&ribs[..1]), bending).iter().zip(force(&arm(&[]), bending)))
         .map(|(a, (b, c))| a + b - c)

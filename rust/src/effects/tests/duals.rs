@@ -99,7 +99,7 @@ fn sample(name: &str) -> Option<&'static [(&'static str, f64)]> {
         "length_offset" => &[("offset", 1e-3)],
         "length_gain" => &[("gain", 0.01)],
         "weak_bellows" => &[("change", -0.2)],
-        "bending_nonlinear" => &[("cubic_stiffness", 0.4)],
+        "bending_nonlinear" => &[("cubic_stiffness", 0.4), ("quintic_stiffness", 0.2)],
         "bending_anisotropy" => &[("stiffness", 0.7), ("angle", 0.6)],
         "bending_damping" => &[("damping", 0.05)],
         "quadratic_damping" => &[("damping", 50.0)],

@@ -31,7 +31,7 @@ pub fn parameters(effects: &[EffectParameters]) -> ArmParameters {
         bellows_radius: radius,
         base_offset: 0.01,
         head_offset: 0.02,
-        bending_stiffness: [bending, 0.0],
+        bending_stiffness: [bending, 0.0, 0.0],
         cross_bending_stiffness: None,
         bending_plane: 0.0,
         axial: None,
