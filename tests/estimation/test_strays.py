@@ -100,3 +100,29 @@ def test_dense_readings_are_left_to_their_shape() -> None:
     """At fifty a second spikes show without a model."""
     rec = ten_hertz({(400, 0): 0.02}, 0.02)
     assert not np.any(strays(rec, shown(ARM, rec)))
+
+
+def test_a_stray_as_the_arm_sets_out_lies_on_the_other_side() -> None:
+    """Not as far as the arm then goes, the other way; what errs in time lies on the way."""
+    rec = ten_hertz({})
+    outputs = shown(ARM, rec)
+    ahead = np.diff(outputs, axis=0)
+    before, after = ahead[:-1], ahead[1:]
+    row, c = np.unravel_index(np.argmax(np.abs(after) * (np.abs(before) < 0.2 * np.abs(after))), after.shape)
+    row, way = int(row) + 1, float(after[row, c])
+    assert abs(way) > 4e-3
+    for size, told in ((-0.8 * way, True), (0.8 * way, False)):
+        measured = rec.measured.copy()
+        measured[row, c] += size
+        put_in = replace(rec, measured=measured)
+        found = {(int(r), int(k)) for r, k in np.argwhere(strays(put_in, outputs))}
+        assert found == ({(row, int(c))} if told else set())
+
+
+def test_without_strays_noise_is_that_of_what_is_left() -> None:
+    """One reading of 20 mm among 240 makes a millimetre of noise."""
+    rec = ten_hertz({(30, 0): 0.02})
+    noisy = rec.with_noise(np.array([2e-3, 3e-4, 3e-4]))
+    sound = without_strays([noisy], [shown(ARM, noisy)])[0]
+    assert sound.noise[0] < 1.9e-3
+    assert np.array_equal(sound.noise[1:], noisy.noise[1:])

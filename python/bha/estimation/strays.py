@@ -6,8 +6,9 @@ jumps at one reading of one channel and is home again. That is a stray reading w
 
 - by many times what residuals do nearby, and what the sensor's noise does (what is told of that before a fit counts
   strays in: it is no more than what all but a tenth of the residuals say);
-- further than the arm goes, as the model has it, from the reading before to the one after: a model that errs in time,
-  by a lag, a dead time or its damping, errs by no more than that;
+- further than the arm goes, as the model has it, from the reading before to the one after, or as far beyond all of that
+  way, and by a quarter of it: a model that errs in time, by a lag, a dead time or its damping, errs by no more than
+  that, and along it;
 - in this channel alone, or while the arm stands, as the model has it: what acts on the arm moves others, too, and for
   longer than a reading.
 
@@ -25,7 +26,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from bha.estimation.records import Record
-from bha.recordings.samples import LONE_INTERVAL
+from bha.recordings.noise import white_noise
+from bha.recordings.samples import FEWEST_FRESH, LONE_INTERVAL, ChannelFacts
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,6 +35,8 @@ Mask = NDArray[np.bool_]
 #: Off the readings around it a stray is by this many times what those nearby are (median), as many noises, and as much
 #: as the arm moves, as modelled, between the readings before and after.
 _USUAL, _NOISES, _MOTIONS = 10.0, 10.0, 1.0
+#: Part of that motion by which it lies beyond all of it, otherwise.
+_BEYOND = 0.25
 #: Readings whose median tells what is usual.
 _NEARBY = 41
 #: Share of the readings that tell noise, and how far they reach in normal deviations.
@@ -76,11 +80,22 @@ def is_sparse(record: Record) -> bool:
 def _marked(record: Record, stray: Mask) -> Record:
     if not np.any(stray):
         return record
+    usable = record.usable & ~stray
     facts = tuple(
-        replace(fact, spikes=tuple(sorted({*fact.spikes, *record.time[own].tolist()})))
-        for fact, own in zip(record.facts, stray.T, strict=True)
+        _without(fact, record.time[own], values[good])
+        for fact, own, values, good in zip(record.facts, stray.T, record.measured.T, usable.T, strict=True)
     )
-    return replace(record, usable=record.usable & ~stray, facts=facts)
+    return replace(record, usable=usable, facts=facts)
+
+
+def _without(fact: ChannelFacts, stray: Array, readings: Array) -> ChannelFacts:
+    """A channel whose readings at some times are strays, with the noise of those that are left, where that is less."""
+    if not len(stray):
+        return fact
+    noise = fact.noise
+    if len(readings) >= FEWEST_FRESH:
+        noise = min(noise, max(white_noise(readings), fact.quantum / np.sqrt(12.0)))
+    return replace(fact, spikes=tuple(sorted({*fact.spikes, *stray.tolist()})), noise=noise)
 
 
 def strays(record: Record, shown: Array) -> Mask:
@@ -101,8 +116,11 @@ def strays(record: Record, shown: Array) -> Mask:
         motion = steps[:-1] + steps[1:]
         stands[rows, c] = motion < _STANDS * off
         noise = min(float(record.noise[c]), float(np.quantile(off, _SOUND)) / _REACH)
-        least = np.maximum(np.maximum(_USUAL * usual, _NOISES * noise), _MOTIONS * motion)
-        found[rows, c] = (off > least) & around.is_home
+        least = np.maximum(_USUAL * usual, _NOISES * noise)
+        far = (off > least) & (off > _MOTIONS * motion)
+        beyond = _beyond(shown[rows, c], around.off)
+        aside = (beyond > least) & (beyond > _BEYOND * motion)
+        found[rows, c] = (far | aside) & around.is_home
     moves = np.any((share > _OTHERS) & ~stands, axis=1)
     for c in range(share.shape[1]):
         others = share[:, [k for k in range(share.shape[1]) if k != c]]
@@ -122,6 +140,14 @@ class _Around:
 
     off: Array
     is_home: Mask
+
+
+def _beyond(shown: Array, off: Array) -> Array:
+    """How far readings that are ``off`` lie beyond the way from the reading before to the one after, as modelled."""
+    ends = np.pad(shown, 1, mode="edge")
+    near = np.stack([ends[:-2], shown, ends[2:]])
+    read = shown + off
+    return np.asarray(np.maximum(np.maximum(near.min(axis=0) - read, read - near.max(axis=0)), 0.0))
 
 
 def _around(left: Array) -> _Around:

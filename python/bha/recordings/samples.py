@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bha.recordings.filled import filled_in
 from bha.recordings.noise import quantum, white_noise
+from bha.recordings.ticks import ticks
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -49,6 +50,8 @@ LONGEST_HOLD = 0.25
 #: A coarse channel that has stopped goes on with so many steps of its grid at once, so many times what comes in one of
 #: the rows after.
 JUMP_STEPS, JUMP_TIMES, _AFTER = 3, 1.9, 5
+#: The same of readings as far apart as those of a camera, s: between two of them no chamber fills.
+CAMERA_INTERVAL, CAMERA_JUMP_TIMES = 0.04, 3.8
 #: Fewest changes from which holding is told, and share of the largest changes that are looked at.
 _FEWEST_CHANGES, _LARGEST = 10, 0.3
 
@@ -150,9 +153,14 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
     new = changes(given)
     fresh = np.flatnonzero(new)
     step = quantum(given[fresh])
-    held = measured and is_held(at, fresh, given, step)
+    renewed = ticks(at, fresh, given, step) if measured else None
+    if renewed is not None:
+        # From here on the channel is what it is at its own clock.
+        rows, given, at = rows[renewed], given[renewed], at[renewed]
+        fresh = np.flatnonzero(changes(given))
+    held = measured and renewed is None and is_held(at, fresh, given, step)
     readings = fresh if held else np.arange(len(given))
-    chords = filled_in(at, given, step) if measured and not held else None
+    chords = filled_in(at, given, step) if measured and renewed is None and not held else None
     if chords is not None:
         readings = chords
     dropped: list[tuple[int, int]] = []
@@ -162,7 +170,7 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
     lost = np.zeros(len(given), dtype=np.bool_)
     for first, last in dropped:
         lost[first:last] = True
-    held_share = 1.0 - len(readings) / len(given)
+    held_share = 1.0 - len(readings) / int(np.sum(present))
     readings = readings[~lost[readings]]
     noise = white_noise(given[readings]) if len(readings) >= FEWEST_FRESH else 0.0
     spikes = np.empty(0, dtype=np.intp)
@@ -241,14 +249,16 @@ def _stopped(time: Array, values: Array, fresh: NDArray[np.intp], step: float) -
 
     What has mass sets out by one step of a grid after the other, where readings are dense.
     """
-    if step <= 0.0 or len(fresh) < _FEWEST_CHANGES or float(np.median(np.diff(time))) > LONE_INTERVAL:
+    interval = float(np.median(np.diff(time)))
+    if step <= 0.0 or len(fresh) < _FEWEST_CHANGES or interval > CAMERA_INTERVAL:
         return []
+    times = JUMP_TIMES if interval <= LONE_INTERVAL else CAMERA_JUMP_TIMES
     size = np.append(np.abs(np.diff(values)), np.zeros(_AFTER))
     found = []
     for begin, end in pairwise(fresh):
         jump, goes_on = size[end - 1], float(np.max(size[end : end + _AFTER]))
         stood = time[end] - time[begin] > DROPOUT_SECONDS
-        if stood and jump > (JUMP_STEPS - 0.5) * step and jump > JUMP_TIMES * goes_on:
+        if stood and jump > (JUMP_STEPS - 0.5) * step and jump > times * goes_on:
             found.append((int(begin) + 1, int(end)))
     return found
 

@@ -23,6 +23,8 @@ Judged = tuple[ChannelFacts, Mask]
 
 #: More repeats than this share of the rows are how the log is.
 _MOST = 0.5
+#: Channels of one sensor renew as often, to this share.
+_SAME = 0.1
 
 
 def stopped_together(time: Array, values: Array, judged: Sequence[Judged]) -> list[Judged]:
@@ -35,16 +37,23 @@ def stopped_together(time: Array, values: Array, judged: Sequence[Judged]) -> li
         values: of all channels of a log, shape (m, C).
         judged: what :func:`judge` says of each.
     """
-    ends = {end for facts, _ in judged if facts.quantum > 0.0 and not facts.held for _, end in facts.dropouts}
     found = list(judged)
-    for end in sorted(ends):
-        last = int(np.searchsorted(time, end))
-        changed = np.flatnonzero(np.any(np.diff(values[:last], axis=0) != 0.0, axis=1))
-        first = int(changed[-1]) + 1 if len(changed) else 0
-        if time[last] - time[first] <= DROPOUT_SECONDS:
-            continue
-        rested = [_rested(channel, time, column, first, end) for channel, column in zip(found, values.T, strict=True)]
-        found = [_stopped(channel, time, first, last) for channel in rested]
+    dense = [facts.dropouts for facts, _ in judged if facts.quantum > 0.0 and not facts.held]
+    sensors = [(np.arange(len(time)), list(range(len(judged))), dense)]
+    for rows, channels in _slower(time, judged):
+        sensors.append((rows, channels, [judged[k][0].dropouts for k in channels if judged[k][0].quantum > 0.0]))
+    for rows, channels, dropouts in sensors:
+        seen = values[rows][:, channels]
+        for end in sorted({end for own in dropouts for _, end in own}):
+            last = int(np.searchsorted(time, end))
+            before = seen[: np.searchsorted(rows, last)]
+            changed = np.flatnonzero(np.any(np.diff(before, axis=0) != 0.0, axis=1))
+            first = int(rows[changed[-1] + 1]) if len(changed) else 0
+            if time[last] - time[first] <= DROPOUT_SECONDS:
+                continue
+            for k in channels:
+                rested = _rested(found[k], time, values[:, k], rows[rows <= first], end)
+                found[k] = _stopped(rested, time, first, last)
     return found
 
 
@@ -58,37 +67,68 @@ def held_together(time: Array, values: Array, judged: Sequence[Judged]) -> list[
         values: of all channels of a log, shape (m, C).
         judged: what :func:`bha.recordings.samples.judge` says of each.
     """
-    fine = np.array([_is_fine(facts, column) for (facts, _), column in zip(judged, values.T, strict=True)], np.bool_)
+    own = [facts.held > 0.0 or facts.filled for facts, _ in judged]
+    fine = [not slow and _is_fine(facts, c) for slow, (facts, _), c in zip(own, judged, values.T, strict=True)]
+    found = list(judged)
+    for first, last in _standstills(time, values, fine):
+        found = [_stopped(channel, time, first, last) for channel in found]
+    for rows, channels in _slower(time, judged):
+        seen = values[rows][:, channels]
+        fine = [_is_fine(judged[k][0], column) for k, column in zip(channels, seen.T, strict=True)]
+        ends = np.append(rows, len(time))
+        for first, last in _standstills(time[rows], seen, fine):
+            for k in channels:
+                found[k] = _stopped(found[k], time, int(rows[first]), int(ends[last]))
+    return found
+
+
+def _standstills(time: Array, values: Array, fine: Sequence[bool]) -> list[tuple[int, int]]:
+    """Rows ``(first, last)`` in which no channel changes, for longer than those that are ``fine`` do by chance."""
     if np.count_nonzero(fine) < 2:
-        return list(judged)
+        return []
     repeats = np.diff(values, axis=0) == 0.0
     all_at_once = np.all(repeats, axis=1)
     apart = ~all_at_once
     if np.mean(all_at_once) > _MOST:
-        return list(judged)
-    chance = (1.0 + np.sum(repeats[apart][:, fine], axis=0)) / (1.0 + np.sum(apart))
+        return []
+    chance = (1.0 + np.sum(repeats[apart][:, np.array(fine, np.bool_)], axis=0)) / (1.0 + np.sum(apart))
     needed = np.log(REPEAT_CHANCE / len(time)) / float(np.sum(np.log(np.minimum(chance, 1.0 - 1e-9))))
     edges = np.concatenate([[0], np.flatnonzero(apart) + 1, [len(time)]])
-    spans = [
+    return [
         (int(first), int(last))
         for first, last in pairwise(edges)
         if last - first - 1 >= max(1.0, needed) and time[min(last, len(time) - 1)] - time[first] > DROPOUT_SECONDS
     ]
-    if not spans:
-        return list(judged)
-    found = list(judged)
-    for first, last in spans:
-        found = [_stopped(channel, time, first, last) for channel in found]
+
+
+def _slower(time: Array, judged: Sequence[Judged]) -> list[tuple[NDArray[np.intp], list[int]]]:
+    """The sensors that renew more slowly than the log by a clock of their own: rows of each, and its channels."""
+    sensors: list[list[int]] = []
+    for k, (facts, _) in enumerate(judged):
+        if facts.held > 0.0 and not facts.filled:
+            alike = (s for s in sensors if abs(judged[s[0]][0].interval - facts.interval) < _SAME * facts.interval)
+            same = next(alike, None)
+            if same is None:
+                sensors.append([k])
+            else:
+                same.append(k)
+    found = []
+    for channels in sensors:
+        rows = np.flatnonzero(np.any([judged[k][1] for k in channels], axis=0))
+        # Where the reading came again one channel may have it a row beside the others.
+        first = np.concatenate([[True], np.diff(time[rows]) > 0.5 * judged[channels[0]][0].interval])
+        found.append((rows[first], channels))
     return found
 
 
-def _rested(channel: Judged, time: Array, values: Array, first: int, end: float) -> Judged:
-    """A channel without its own dropouts that last to ``end``: up to row ``first`` it has rested, and that counts."""
+def _rested(channel: Judged, time: Array, values: Array, rows: NDArray[np.intp], end: float) -> Judged:
+    """A channel without its own dropouts that last to ``end``: in ``rows`` it has rested, and that counts."""
     facts, mask = channel
     starts = [start for start, own in facts.dropouts if own == end]
     if not starts:
         return channel
-    rest = (time >= min(starts)) & (time <= time[first]) & np.isfinite(values)
+    rest = np.zeros(len(time), dtype=np.bool_)
+    rest[rows] = (time[rows] >= min(starts)) & np.isfinite(values[rows])
     return replace(facts, dropouts=tuple(d for d in facts.dropouts if d[1] != end)), mask | rest
 
 
@@ -110,6 +150,6 @@ def _stopped(channel: Judged, time: Array, first: int, last: int) -> Judged:
 def _is_fine(facts: ChannelFacts, values: Array) -> bool:
     """Whether a channel has noise that its grid shows, even where the arm stands."""
     known = values[np.isfinite(values)]
-    if facts.held or facts.filled or not len(known):
+    if not len(known):
         return False
     return quiet_noise(known) >= max(facts.quantum / COARSE, QUIET * float(np.ptp(known)), 1e-300)

@@ -1,0 +1,101 @@
+"""A camera in a faster log: told by its clock, on any grid; and what must not be taken for one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bha.recordings import samples, together
+from bha.recordings.ticks import ticks
+
+Array = np.ndarray
+
+
+def moves(seconds: float, rate: float, *, level: float = 0.04) -> tuple[Array, Array]:
+    """Steps of an overdamped arm every two seconds, m."""
+    time = np.arange(round(seconds * rate)) / rate
+    levels = np.where((time / 2.0).astype(int) % 2 == 0, 0.0, level)
+    motion = np.zeros(len(time))
+    for k in range(1, len(time)):
+        motion[k] = motion[k - 1] + (levels[k] - motion[k - 1]) / (0.2 * rate)
+    return time, 0.2 + motion
+
+
+def by_a_camera(values: Array, noise: float, grid: float, *, every: float, seed: int = 1) -> Array:
+    """What a camera that renews every so many rows shows of values, held in between."""
+    rng = np.random.default_rng(seed)
+    frame = (np.arange(len(values)) / every + 1e-9).astype(int)
+    first = np.flatnonzero(np.diff(frame, prepend=-1))
+    seen = np.round((values[first] + noise * rng.standard_normal(len(first))) / grid) * grid
+    return np.asarray(seen[frame])
+
+
+@pytest.mark.parametrize("grid", [1e-5, 2e-4, 1e-3, 2e-3])
+@pytest.mark.parametrize("every", [200.0 / 60.0, 200.0 / 30.0, 20.0])
+def test_a_slower_camera_is_told_on_any_grid(grid: float, every: float) -> None:
+    time, motion = moves(60.0, 200.0)
+    facts, usable = samples.judge(time, "x1", "m", by_a_camera(motion, 3e-4, grid, every=every))
+    assert usable.sum() == pytest.approx(len(time) / every, rel=0.01)
+    assert facts.held == pytest.approx(1.0 - 1.0 / every, abs=0.01)
+    if every < 10.0 and grid < 2e-3:
+        assert facts.noise == pytest.approx(np.hypot(3e-4, grid / np.sqrt(12.0)), rel=0.35)
+    assert not facts.dropouts
+
+
+def test_rest_counts_at_the_cameras_rate_where_every_reading_is_the_same() -> None:
+    time, motion = moves(60.0, 200.0)
+    facts, usable = samples.judge(time, "x1", "m", by_a_camera(motion, 3e-5, 1e-3, every=200.0 / 30.0))
+    resting = (time > 1.5) & (time < 2.0)
+    assert usable[resting].sum() == pytest.approx(15, abs=1)
+    assert facts.interval == pytest.approx(1.0 / 30.0, abs=2e-3)
+
+
+def test_what_is_no_clock() -> None:
+    rng = np.random.default_rng(3)
+    time, motion = moves(60.0, 200.0)
+    coarse = np.round((motion + 3e-4 * rng.standard_normal(len(motion))) / 1e-3) * 1e-3
+    quiet = np.round(motion / 1e-3) * 1e-3
+    ramp = np.round((0.1 + 0.3 * time / time[-1]) / 1e-3) * 1e-3
+    scattered = np.repeat(coarse[::5], rng.integers(3, 10, len(coarse[::5])))[: len(time)]
+    for values in (coarse, quiet, ramp, scattered):
+        fresh = np.flatnonzero(samples.changes(values))
+        assert ticks(time[: len(values)], fresh, values, 1e-3) is None
+
+
+def test_a_spike_of_a_coarse_camera_is_one_reading() -> None:
+    time, motion = moves(60.0, 200.0)
+    values = by_a_camera(motion, 3e-4, 1e-3, every=200.0 / 30.0)
+    frame = (np.arange(len(time)) / (200.0 / 30.0) + 1e-9).astype(int)
+    values[frame == 340] += 0.03
+    facts, usable = samples.judge(time, "x1", "m", values)
+    assert facts.spikes == (pytest.approx(340 / 30.0, abs=5e-3),)
+    assert not usable[frame == 340].any()
+
+
+def test_a_coarse_camera_that_hangs_and_jumps_home() -> None:
+    time, motion = moves(60.0, 200.0)
+    axes = [motion, 0.5 * motion, 0.25 * motion]
+    values = np.column_stack([by_a_camera(a, 3e-4, 1e-3, every=200.0 / 30.0, seed=k) for k, a in enumerate(axes)])
+    hangs = (time > 21.8) & (time < 23.2)
+    values[hangs] = values[np.flatnonzero(hangs)[0]]
+    judged = [samples.judge(time, f"{a}1", "m", c) for a, c in zip("xyz", values.T, strict=True)]
+    found = together.held_together(time, values, together.stopped_together(time, values, judged))
+    facts, usable = found[0]
+    # Readings that happened to be the same just before it are one with it.
+    assert facts.dropouts == ((pytest.approx(21.8, abs=0.3), pytest.approx(23.2, abs=0.06)),)
+    assert not usable[(time > 21.9) & (time < 23.1)].any()
+    assert all(usable[(time > 20.5) & (time < 21.5)].sum() >= 25 for _, usable in found)
+
+
+def test_two_cameras_hang_by_themselves() -> None:
+    time, motion = moves(60.0, 200.0)
+    one = [by_a_camera(motion, 3e-4, 1e-5, every=200.0 / 30.0, seed=k) for k in range(3)]
+    other = [by_a_camera(motion, 3e-4, 1e-5, every=20.0, seed=k + 9) for k in range(3)]
+    values = np.column_stack([*one, *other])
+    hangs = (time > 30.0) & (time < 31.0)
+    values[hangs, :3] = values[np.flatnonzero(hangs)[0], :3]
+    judged = [
+        samples.judge(time, f"{a}{k}", "m", values[:, 3 * (k - 1) + i]) for k in (1, 2) for i, a in enumerate("xyz")
+    ]
+    found = together.held_together(time, values, judged)
+    assert [len(facts.dropouts) for facts, _ in found] == [1, 1, 1, 0, 0, 0]
