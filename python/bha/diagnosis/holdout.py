@@ -155,25 +155,22 @@ class Holdout:
             fit, until, rms = trial, later, error
         return self._compared(fit.outputs, fit.states, fit.residual, until, rms)
 
-    def in_sessions(self, fit: Fit, states: Sequence[Array], *, offsets: bool) -> Holdout:
+    def in_sessions(self, fit: Fit, states: Sequence[Array]) -> Holdout:
         """The same with errors counted beyond what sets sessions apart, as a model is changed by it.
 
-        That are other rest lengths and another place of the camera, and with ``offsets`` one of each channel.
+        That are other rest lengths, another place of the camera, and an offset of each channel.
 
         Args:
             fit: the model; of the first one asked for counts how it is changed.
             states: initial states of the logs under it.
-            offsets: whether there are any.
         """
         if self._changes is None:
             which = [k for k, c in enumerate(fit.model.plain) if paths.key_of(c.path) in OF_A_SESSION]
             model, windows = fit.model.on(self.problem.records), self.problem.windows
             shown = model.linearize(fit.x, windows, np.stack(states), which=which, by_states=False)
             self._changes = tuple(by_x for _, by_x, _ in shown)
-        tables = self._changes
-        if offsets:
-            eyes = (np.tile(np.eye(own.shape[1]), (len(own), 1, 1)) for own in tables)
-            tables = tuple(np.concatenate(both, axis=2) for both in zip(eyes, tables, strict=True))
+        eyes = (np.tile(np.eye(own.shape[1]), (len(own), 1, 1)) for own in self._changes)
+        tables = tuple(np.concatenate(both, axis=2) for both in zip(eyes, self._changes, strict=True))
         return Holdout(self.problem, self._states, self.readings, blocks=self.blocks, sessions=tables)
 
     def on_their_days(self, fit: Fit, states: Sequence[Array]) -> Holdout:

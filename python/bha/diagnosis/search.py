@@ -57,18 +57,15 @@ class Search:
         """Keep the best set as what is answered if the search comes to no end."""
         self.settled = self.best
 
-    def in_sessions(self, *, offsets: bool) -> Search:
-        """The same with the errors of all sets on the held-out logs counted beyond what sets sessions apart.
-
-        ``offsets``: whether these may have one of each channel, see :meth:`bha.diagnosis.holdout.Holdout.in_sessions`.
-        """
+    def in_sessions(self) -> Search:
+        """The same with the errors of all sets on the held-out logs counted beyond what sets sessions apart."""
         known: dict[int, Trial] = {}
 
         def moved(trial: Trial) -> Trial:
             return known.setdefault(id(trial), replace(trial, holdout=holdout))
 
         plain = self.plain
-        holdout = plain.holdout.in_sessions(plain.fit, plain.prediction.states, offsets=offsets)
+        holdout = plain.holdout.in_sessions(plain.fit, plain.prediction.states)
         return replace(
             self,
             plain=moved(self.plain),

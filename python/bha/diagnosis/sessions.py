@@ -1,10 +1,11 @@
 """Logs that stand apart: what differs from day to day is in none of them, and hides what moves.
 
 What: rest lengths, a camera's tripod, the weather set whole logs off. The fit takes up what its own logs have in
-common; held-out logs of another day then err by a constant, and a swing loses its phase. Where that is much of what is
-missed it is said, and errors count beyond what other rest lengths and another place of the camera would make, of each
-log its own, for every model alike: for whether there is a gap at all; and, an offset of each channel beside them, for
-what is named where nothing is by errors as they are.
+common; held-out logs of another day then err by a constant, and a swing loses its phase. Where the logs of the fit are
+fitted nearly to their noise, held-out logs are simulated as their days were (:mod:`bha.diagnosis.days`), and what that
+leaves decides whether there is a gap at all. Where nothing is named by errors as they are, they count beyond what other
+rest lengths, another place of the camera and an offset of each channel would make, of each log its own, for every model
+alike, to first order; and where that is much of what is missed, it is said.
 Limits: a law that does not hold where held-out logs are errs by a constant, too, if these hardly move. So no gap is
 excused by where logs stand unless they move about as much as those of the fit, and stand within a small part of the
 arm's length beside them: a wrong law then errs otherwise from pose to pose. What bends otherwise each time remembers,
@@ -34,6 +35,10 @@ MUCH = 0.5
 #: arm's length by which they are off at the most.
 MOVES_ALIKE, NEAR = 0.5, 0.03
 
+#: Mean square of the white residual of the logs of a fit beyond which a model lacks more than the day of others: of
+#: plain arms of the wide world it is two at most.
+LACKS = 4.0
+
 
 def stand_apart(trial: Trial, in_sessions: Trial, noise: float) -> str:
     """What is to be said where held-out logs err mostly by what sets sessions apart; empty where they do not.
@@ -47,9 +52,14 @@ def stand_apart(trial: Trial, in_sessions: Trial, noise: float) -> str:
     if share_removed(before, after, noise) < MUCH:
         return ""
     return (
-        f"held-out logs stand {1e3 * _off(trial):.2g} mm (RMS) beside where those of the fit say, most of what is "
-        "missed: sessions that differ (rest lengths, camera, weather), or a law that does not hold where those logs are"
+        f"{stands_off(trial)}, most of what is missed: sessions that differ (rest lengths, camera, weather), or a law "
+        "that does not hold where those logs are"
     )
+
+
+def stands_off(trial: Trial) -> str:
+    """How far held-out logs stand off, in words."""
+    return f"held-out logs stand {1e3 * _off(trial):.2g} mm (RMS) beside where those of the fit say"
 
 
 def excused(trial: Trial, train: Sequence[Record]) -> bool:

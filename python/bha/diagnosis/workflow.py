@@ -28,7 +28,7 @@ from bha.diagnosis.rules import NOISE_LEFT, Rules
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.search import OutOfTime, Search
 from bha.diagnosis.select import search
-from bha.diagnosis.sessions import excused, stand_apart
+from bha.diagnosis.sessions import LACKS, excused, stand_apart, stands_off
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
 from bha.diagnosis.where import locate
@@ -203,21 +203,22 @@ def _set_out(ground: Ground, course: Course, state: Search) -> tuple[Search, flo
     the last.
     """
     before, gap = ground.tested(state.plain, course.limits)
-    moved, apart = _in_sessions(state, gap, ground.noise, offsets=False)
-    if apart and not ground.remembers and excused(state.plain, ground.train):
+    away = not np.isinf(state.best.prediction.until).all()
+    lacks = ground.baseline.fit.squares > LACKS * ground.baseline.problem.rows
+    if gap.significant and not (away or lacks or ground.remembers) and excused(state.plain, ground.train):
         moved, text = state.on_their_days()
         error, other = ground.tested(moved.plain, course.limits)
         # What is left must be noise, not only as little: a slow effect hides best in what every log has of its own.
         if not other.significant and other.mean_square <= other.limit:
-            return moved, error, other, f"{apart}; errors count beyond {OF_DAYS} ({text})"
+            return moved, error, other, f"{stands_off(state.plain)}; errors count beyond {OF_DAYS} ({text})"
     return state, before, gap, ""
 
 
-def _in_sessions(state: Search, gap: GapTest, noise: float, *, offsets: bool) -> tuple[Search, str]:
+def _in_sessions(state: Search, gap: GapTest, noise: float) -> tuple[Search, str]:
     """A search with errors beyond what sets sessions apart, and what is to be said of it; empty where nothing does."""
     if not gap.significant or not np.isinf(state.best.prediction.until).all():
         return state, ""
-    moved = state.in_sessions(offsets=offsets)
+    moved = state.in_sessions()
     return moved, stand_apart(state.best, moved.best, noise)
 
 
@@ -265,7 +266,7 @@ def _searched(ground: Ground, course: Course, kinds: Sequence[str] | None) -> Fo
             state.complete = True
     except KeyboardInterrupt:
         state.notes.append("interrupted during the screening")
-    moved, text = _in_sessions(state, gap, ground.noise, offsets=True)
+    moved, text = _in_sessions(state, gap, ground.noise)
     apart = apart or text
     if apart and state.best.candidates:
         # What differs from day to day may hide an effect; where nothing is named, it may as well be one.
