@@ -12,7 +12,7 @@ import bha
 from bha.diagnosis import screen
 from bha.diagnosis.candidate import Candidate, core_ranges
 from bha.diagnosis.catalogue import available
-from bha.diagnosis.describe import together
+from bha.diagnosis.plan import together
 
 from .slip_arm import slip_logs
 from .synthetic import make_logs, one_section

@@ -29,7 +29,7 @@ from bha.support.files import UNFINISHED, written_whole
 from bha.support.locks import locked
 
 #: Raise it when results change for the same inputs.
-GENERATION = 4
+GENERATION = 5
 
 #: The folder, in that of the results.
 FOLDER = ".bha-diagnosis"

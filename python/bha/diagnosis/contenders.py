@@ -10,7 +10,7 @@ import numpy as np
 
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.given import Given
-from bha.diagnosis.places import members, place_of
+from bha.diagnosis.places import bellows_in, place_of
 from bha.diagnosis.refit import Trial, correlation_length
 from bha.diagnosis.screen import Scored, Screening
 from bha.recordings.beginning import preloaded
@@ -49,7 +49,7 @@ def contenders(
     if given.problem.restarts:
         chosen = with_wider(chosen, ranking, taken)
         chosen = with_rivals(chosen, ranking, taken, rivals)
-    return with_one_element(chosen, ranking)
+    return with_other_forms(with_one_element(chosen, ranking), ranking)
 
 
 def second_look(given: Given, screening: Screening, trials: Sequence[Trial]) -> list[Scored]:
@@ -137,13 +137,13 @@ def other_kinds(
 
     Of an effect that is far from little, scores tell the place sooner than the kind.
     """
-    place = set(members(best.where, "input", core))
+    place = bellows_in(best.where, core)
     chosen: list[Scored] = []
     for scored in ranking:
         own = scored.candidate
         if own.key in known or scored.score <= 0.0 or any(own.kind == c.candidate.kind for c in chosen):
             continue
-        if set(members(own.where, "input", core)) == place:
+        if bellows_in(own.where, core) == place:
             chosen.append(scored)
         if len(chosen) == most:
             break
@@ -198,6 +198,21 @@ def with_one_element(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> lis
     for scored in chosen:
         if scored.candidate.bank:
             result += [s for s in ranking if s.candidate.key == scored.candidate.key and not s.candidate.bank][:1]
+    return result
+
+
+def with_other_forms(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> list[Scored]:
+    """``chosen`` with the other forms of their kinds in the same places: a refit tells how many numbers one needs."""
+    result = list(chosen)
+    for scored in chosen:
+        key, forms = (
+            scored.candidate.key,
+            {id(s.candidate.plan) for s in result if s.candidate.key == scored.candidate.key},
+        )
+        for other in ranking:
+            if other.candidate.key == key and id(other.candidate.plan) not in forms:
+                result.append(other)
+                forms.add(id(other.candidate.plan))
     return result
 
 

@@ -19,6 +19,7 @@ from bha.diagnosis.holdout import Holdout, share_brought
 from bha.diagnosis.intervals import confidences
 from bha.diagnosis.model import said_of_camera
 from bha.diagnosis.places import nested
+from bha.diagnosis.plan import together
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
 from bha.diagnosis.result import Alternative, CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
@@ -345,24 +346,6 @@ def _elements_of(fit: Fit, number: int, draws: Array) -> list[_Element]:
         for k, own in enumerate(values)
         if not strengths or any(own[name] for name in strengths)
     ]
-
-
-def together(elements: Sequence[Mapping[str, float]], adding: Sequence[str]) -> dict[str, float]:
-    """What elements amount to: sums of the numbers ``adding``; of the others the mean of logarithms by these sums.
-
-    Of elements without such a number, or with one that is zero, it is the numbers of the first.
-    """
-    first = dict(elements[0])
-    weights = np.array([sum(abs(e[name]) for name in adding if name in e) for e in elements])
-    if len(elements) == 1 or not np.sum(weights):
-        return first
-    for name in first:
-        own = np.array([e[name] for e in elements])
-        if name in adding:
-            first[name] = float(np.sum(own))
-        elif np.all(own > 0.0):
-            first[name] = float(np.exp(np.average(np.log(own), weights=weights)))
-    return first
 
 
 def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[str, Number]:

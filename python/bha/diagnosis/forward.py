@@ -11,11 +11,13 @@ from dataclasses import replace
 
 from bha.diagnosis.abreast import abreast
 from bha.diagnosis.cache import Cache
-from bha.diagnosis.contenders import asks_memory, contenders, second_look
+from bha.diagnosis.contenders import asks_memory, contenders, other_kinds, second_look
 from bha.diagnosis.given import Given
+from bha.diagnosis.kin import as_kin
+from bha.diagnosis.plausible import plausible, screened
 from bha.diagnosis.ranking import by_criterion, in_order
 from bha.diagnosis.refit import Trial, added, refined
-from bha.diagnosis.screen import Scored, probe, score
+from bha.diagnosis.screen import Scored, Screening, probe, score
 from bha.diagnosis.search import Search, by_chance, gain
 from bha.diagnosis.slowness import LAG
 
@@ -32,17 +34,13 @@ def forward(given: Given, search: Search) -> None:
         search.screening = search.screening or screening
         enough = rules.enough(current.fit.squares, problem.rows) if current.candidates else rules.worth * excess
         share = f"{100.0 * enough / max(excess, 1e-9):.2g} % of the excess"
-        memory_alone = asks_memory(given, current, screening)
         chosen = contenders(given, current, screening, search.rivals, enough)
         if not chosen:
             search.notes.append(f"no further candidate promises {share} error")
             return
-        trials = tried(given, search, chosen)
+        trials = _round(given, search, screening, chosen)
         if not trials:
             return
-        if not current.candidates and not memory_alone and _leaves_much(given, search, trials[0]):
-            others = second_look(given, screening, trials)
-            trials = in_order(given, current, plain.trust, [*trials, *tried(given, search, others, trials[0])])
         search.rivals.append(trials)
         best = trials[0]
         chance = screening.chance(gain(current, best))
@@ -59,6 +57,41 @@ def forward(given: Given, search: Search) -> None:
         if best.fit.squares / problem.rows < rules.shows**2 and len(best.candidates) < rules.most:
             search.notes.append("what is left is no gap: no further effect is sought")
             return
+
+
+def _round(given: Given, search: Search, screening: Screening, chosen: Sequence[Scored]) -> list[Trial]:
+    """The trials of a round, the best first: of ``chosen``, of further looks where these leave much, and of a kin."""
+    current, trust = search.best, search.plain.fit.trust
+    trials = tried(given, search, chosen)
+    if not trials:
+        return []
+    first = not current.candidates and not asks_memory(given, current, screening)
+    if first and _leaves_much(given, search, trials[0]):
+        others = second_look(given, screening, trials)
+        trials = in_order(given, current, trust, [*trials, *tried(given, search, others, trials[0])])
+        if _leaves_much(given, search, trials[0]):
+            trials = in_order(given, current, trust, _from_plausible(given, search, trials))
+    kin = as_kin(given, trials[0])
+    if kin is not None:
+        search.trials.append(kin)
+        trials = in_order(given, current, trust, [*trials, kin])
+    return trials
+
+
+def _from_plausible(given: Given, search: Search, trials: list[Trial]) -> list[Trial]:
+    """The trials of the first round, and where the plain model went astray those that begin from plausible numbers."""
+    kept = plausible(given, search.plain)
+    if kept is None:
+        return trials
+    screening = screened(given, kept)
+    chosen = contenders(given, kept, screening, (), 0.0)
+    further = tried(given, search, chosen, trials[0], kept)
+    if further and further[0].fit.cost < trials[0].fit.cost:
+        # It leads lower. Scores are no better there than about any plain fit: they tell the place sooner than the kind.
+        known, core = {trial.key[-1] for trial in further}, given.problem.model.core
+        others = other_kinds(screening.ranking, further[0].candidates[-1], known, core, given.rules.company)
+        further += tried(given, search, others, further[0], kept)
+    return [*trials, *further]
 
 
 def renewed(given: Given, current: Trial) -> Given:
@@ -84,10 +117,12 @@ def _leaves_much(given: Given, search: Search, best: Trial) -> bool:
     return best.fit.squares - rows > rules.open * max(0.0, search.plain.fit.squares - rows)
 
 
-def tried(given: Given, search: Search, chosen: Sequence[Scored], beside: Trial | None = None) -> list[Trial]:
+def tried(
+    given: Given, search: Search, chosen: Sequence[Scored], beside: Trial | None = None, start: Trial | None = None
+) -> list[Trial]:
     """The best set with each of ``chosen`` added, refitted; the best of them first.
 
-    ``beside`` is the best of the round so far.
+    ``beside`` is the best of the round so far; ``start`` the same set with other numbers, where these are begun with.
     """
     current, rules = search.best, given.rules
     number = len(current.candidates) + 1
@@ -99,7 +134,7 @@ def tried(given: Given, search: Search, chosen: Sequence[Scored], beside: Trial 
     def refit(scored: Scored) -> Trial | None:
         # Beside effects the numbers do not make up for all that is missing any more.
         promised = 0.0 if current.candidates else scored.score
-        return added(given, current, scored.candidate, scored.strengths, promised)
+        return added(given, start or current, scored.candidate, scored.strengths, promised, anew=start is not None)
 
     refitted = abreast(given.problem, refit, chosen, say)
     trials = by_criterion([trial for trial in refitted if trial is not None], given.problem)
@@ -107,7 +142,7 @@ def tried(given: Given, search: Search, chosen: Sequence[Scored], beside: Trial 
     near = _worth_refining(trials, current, rules.refined, beside)
     finer = abreast(
         given.problem,
-        lambda t: refined(given, t),
+        lambda t: refined(given, t, anew=start is not None),
         near,
         lambda k: given.say(f"effect {number}: refining {near[k].label}"),
     )

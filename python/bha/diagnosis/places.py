@@ -55,6 +55,11 @@ def members(where: str, sort: str, core: Mapping[str, Any]) -> list[str]:
     return [str(part) for part in place_of(where).parts(sort, _inputs(core))]
 
 
+def bellows_in(where: str, core: Mapping[str, Any]) -> frozenset[tuple[int, int]]:
+    """The bellows that a place is, holds or feeds: section and number, both from 0."""
+    return frozenset(place_of(where).bellows_in(_inputs(core)))
+
+
 def nested(first: str, second: str, core: Mapping[str, Any]) -> bool:
     """Whether one of two places of the same sort of effect lies within the other."""
     sort = "input" if "input" in (place_of(first).sort, place_of(second).sort) else "bellows"

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 Numbers = Mapping[str, float]
 
 #: Strength of a probe as a share of the typical one.
@@ -165,3 +167,21 @@ class KindPlan:
         """Numbers that stay in a fit from ``shape``: those that are given, and those of a bank that are not fitted."""
         fitted = {s.name for s in self.strengths} | {s.name for s in (*self.shapes, *self.extra, *self.grid)}
         return {**self.fixed, **{name: value for name, value in shape.items() if name not in fitted}}
+
+
+def together(elements: Sequence[Mapping[str, float]], adding: Sequence[str]) -> dict[str, float]:
+    """What elements amount to: sums of the numbers ``adding``; of the others the mean of logarithms by these sums.
+
+    Of elements without such a number, or with one that is zero, it is the numbers of the first.
+    """
+    first = dict(elements[0])
+    weights = np.array([sum(abs(e[name]) for name in adding if name in e) for e in elements])
+    if len(elements) == 1 or not np.sum(weights):
+        return first
+    for name in first:
+        own = np.array([e[name] for e in elements])
+        if name in adding:
+            first[name] = float(np.sum(own))
+        elif np.all(own > 0.0):
+            first[name] = float(np.exp(np.average(np.log(own), weights=weights)))
+    return first

@@ -123,7 +123,13 @@ def store(problem: Problem, fit: Fit, name: str) -> None:
 
 
 def added(
-    given: Given, start: Trial, candidate: Candidate, strengths: Sequence[float], promised: float = 0.0
+    given: Given,
+    start: Trial,
+    candidate: Candidate,
+    strengths: Sequence[float],
+    promised: float = 0.0,
+    *,
+    anew: bool = False,
 ) -> Trial | None:
     """``start`` refitted with one more effect; None if that diverges.
 
@@ -134,6 +140,7 @@ def added(
         strengths: its expected strengths.
         promised: drop of the sum of squares by its score. Where a fit brings far less it is stuck, and begins once more
             at the file's values.
+        anew: whether ``start`` has other numbers than those with which its set was found.
     """
     problem, begin = given.problem, start.fit
     candidates = (*start.candidates, candidate)
@@ -157,7 +164,7 @@ def added(
         fit = _gently(given, fit, start, candidate, strengths)
     if not np.isfinite(fit.cost):
         return None
-    name = f"added {[c.name for c in candidates]}"
+    name = f"added {[c.name for c in candidates]}{' anew' if anew else ''}"
     known = stored(problem, fit, name)
     fit = known or fit
     assert begin.jacobian is not None
@@ -249,14 +256,14 @@ def to_its_end(problem: Problem, fit: Fit, tolerance: float = TOLERANCE) -> Fit:
     )
 
 
-def refined(given: Given, trial: Trial) -> Trial:
+def refined(given: Given, trial: Trial, *, anew: bool = False) -> Trial:
     """The trial, fitted to its end at a step that resolves what was found, with sensitivities of its own.
 
     Where the cost has several valleys the others are tried from here, and not for every candidate: what is best of its
-    round in the valley of the plain fit is what a search goes on with.
+    round in the valley of the plain fit is what a search goes on with. ``anew`` as in :func:`added`.
     """
     problem, fit = given.problem, trial.fit
-    name = f"refined {[c.name for c in trial.candidates]}"
+    name = f"refined {[c.name for c in trial.candidates]}{' anew' if anew else ''}"
     # What was found may be stiffer than what was expected.
     model = resolved(fit.model, fit.x, fit.states, problem.misfit(fit))
     if model.integration.finer != fit.model.integration.finer:

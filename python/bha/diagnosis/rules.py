@@ -39,6 +39,8 @@ class Rules:
             of left-out training logs: what one name leaves needs a second one only if it is a gap itself.
         near: a candidate is refitted if it promises at least this share of what the best one does.
         like: the same for a look-alike against what it would replace.
+        crowd: kinds that do alike from which on those that promise little are refitted too.
+        company: so many of them.
         bound: a candidate on a bound gives way to one that is not and brings at least this share of its gain.
         element: least share of what is left of the excess error, on training logs as they are fitted and as they are
             left out, that a further branch or stage has to remove.
@@ -68,6 +70,8 @@ class Rules:
     shows: float = MATERIAL
     near: float = 0.25
     like: float = 0.6
+    crowd: int = 3
+    company: int = 20
     bound: float = 0.8
     element: float = 0.1
     refined: float = 0.7

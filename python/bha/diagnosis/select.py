@@ -12,6 +12,7 @@ as measured on simulated arms (docs/explanation/diagnosis.md).
 from __future__ import annotations
 
 from bha.diagnosis.beyond import refute
+from bha.diagnosis.company import complete
 from bha.diagnosis.elements import with_elements
 from bha.diagnosis.forward import forward
 from bha.diagnosis.given import Given
@@ -41,6 +42,7 @@ def search(given: Given, state: Search) -> Search:
         certify(given, state)
         unrefuted(given, state)
         refute(given, state)
+        complete(given, state)
         state.chosen = state.best
         if given.rules.thorough and with_elements(given, state):
             # What stood in for the form of another is needed no more.
