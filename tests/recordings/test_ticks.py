@@ -99,3 +99,30 @@ def test_two_cameras_hang_by_themselves() -> None:
     ]
     found = together.held_together(time, values, judged)
     assert [len(facts.dropouts) for facts, _ in found] == [1, 1, 1, 0, 0, 0]
+
+
+def test_what_no_reading_of_counts_is_left_as_it_is() -> None:
+    time, motion = moves(10.0, 200.0)
+    values = np.column_stack([by_a_camera(motion, 3e-4, 1e-5, every=20.0, seed=k) for k in range(2)])
+    judged = [samples.judge(time, f"{a}1", "m", c) for a, c in zip("xy", values.T, strict=True)]
+    none = [(facts, np.zeros_like(usable)) for facts, usable in judged]
+    for found in (together.held_together(time, values, none), together.stopped_together(time, values, none)):
+        assert not any(usable.any() for _, usable in found)
+
+
+def test_a_logger_that_stops_leaves_a_slower_camera_its_own_rows() -> None:
+    """Dense coarse lengths and a camera hang at once; what rests before counts as often as each is read."""
+    time, motion = moves(60.0, 200.0)
+    length = np.round(motion / 1e-3) * 1e-3
+    camera = by_a_camera(motion, 3e-5, 1e-3, every=200.0 / 30.0)
+    shivers = 0.2 + 1e-3 * (np.arange(len(time)) % 7 == 0)
+    seen = by_a_camera(motion, 2e-3, 1e-3, every=200.0 / 30.0)
+    values = np.column_stack([length, camera, shivers, seen])
+    hangs = (time > 21.8) & (time < 22.6)
+    values[hangs] = values[np.flatnonzero(hangs)[0]]
+    judged = [samples.judge(time, name, "m", c) for name, c in zip(("q11", "x1", "q12", "y1"), values.T, strict=True)]
+    assert [facts.held > 0.0 for facts, _ in judged] == [False, True, False, True]
+    assert judged[0][0].dropouts[0][1] == judged[1][0].dropouts[0][1]
+    found = together.stopped_together(time, values, judged)
+    assert found[0][1].sum() > judged[0][1].sum() + 150
+    assert judged[1][1].sum() + 20 < found[1][1].sum() < judged[1][1].sum() + 35

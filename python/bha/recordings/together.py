@@ -52,8 +52,10 @@ def stopped_together(time: Array, values: Array, judged: Sequence[Judged]) -> li
             if time[last] - time[first] <= DROPOUT_SECONDS:
                 continue
             for k in channels:
-                rested = _rested(found[k], time, values[:, k], rows[rows <= first], end)
-                found[k] = _stopped(rested, time, first, last)
+                # What a slower sensor holds is no rest in every row.
+                if judged[k][0].held == 0.0 or len(rows) < len(time):
+                    found[k] = _rested(found[k], time, values[:, k], rows[rows <= first], end)
+                found[k] = _stopped(found[k], time, first, last)
     return found
 
 
@@ -116,8 +118,9 @@ def _slower(time: Array, judged: Sequence[Judged]) -> list[tuple[NDArray[np.intp
     for channels in sensors:
         rows = np.flatnonzero(np.any([judged[k][1] for k in channels], axis=0))
         # Where the reading came again one channel may have it a row beside the others.
-        first = np.concatenate([[True], np.diff(time[rows]) > 0.5 * judged[channels[0]][0].interval])
-        found.append((rows[first], channels))
+        apart = np.diff(time[rows], prepend=-np.inf) > 0.5 * judged[channels[0]][0].interval
+        if len(rows) > 1:
+            found.append((rows[apart], channels))
     return found
 
 
