@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -66,3 +67,17 @@ def test_changed_outputs_are_what_the_sensor_reads(kind: str, number: str, value
     # Samples alone do not see where the length turns between two of them.
     np.testing.assert_allclose(change, (read - plain)[:, 1], atol=tolerance * np.abs(read - plain).max())
     assert not np.any(length_change(kind, "q99", record, outputs, value))
+
+
+def test_no_probe_leaves_less_than_vacuum() -> None:
+    """A fit may have emptied a chamber before a log; a greater gain would take it below nothing."""
+    (log,) = make_logs(one_section(), [], durations=(1.0,), pressure_noise=0.0)
+    record = prepare(Recording(one_section(), log))
+    empty = record.driven_by(np.zeros_like(record.drive.pressures))
+    record = replace(record, drive=empty)
+    probes = [
+        PressureProbe("pressure_gain", (0,), {"gain": 0.01}),
+        PressureProbe("pressure_offset", (1,), {"offset": -9.0}),
+    ]
+    for acting in acting_pressures(record, probes, 101325.0):
+        assert acting.min() == 0.0

@@ -60,7 +60,8 @@ def acting_pressures(record: Record, probes: Sequence[PressureProbe], ambient: f
             else:
                 stepping.append((k, j))
     _step_through(time, p, probes, stepping, result)
-    return result
+    # A chamber that a fit has emptied to vacuum, beside tubes that are exchanged, holds no less under any probe.
+    return [np.maximum(acting, 0.0) for acting in result]
 
 
 def _step_through(
