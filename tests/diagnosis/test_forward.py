@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bha.diagnosis import forward
+from bha.diagnosis import given as given_of_a_search
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
 from bha.diagnosis.given import Given
@@ -27,7 +28,7 @@ def test_signatures_are_made_anew_beside_effects_that_leave_a_gap(
     own = Candidate(PLAN, "all", {})
     before = Signatures((own, own), (((0,),), ((0,),)), np.zeros((ROWS, 1), dtype=np.float32))
     after, asked = Signatures((), (), before.table), []
-    monkeypatch.setattr(forward, "probe", lambda _p, _f, plans, *_: asked.append(plans) or after)
+    monkeypatch.setattr(given_of_a_search, "probe", lambda _p, _f, plans, *_: asked.append(plans) or after)
     problem: Any = SimpleNamespace(rows=ROWS)
     fit: Any = SimpleNamespace(squares=mean_square * ROWS)
     nothing: Any = None

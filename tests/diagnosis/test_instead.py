@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bha.diagnosis import describe
 from bha.diagnosis import instead as following
+from bha.diagnosis import rivals
 from bha.diagnosis.decide import GapTest, Thresholds, decide
-from bha.diagnosis.describe import Rival, of_like_form
+from bha.diagnosis.describe import of_like_form
 from bha.diagnosis.holdout import Prediction
+from bha.diagnosis.rivals import Rival
 from bha.diagnosis.rules import Rules
 from bha.diagnosis.search import Search
 
@@ -123,7 +124,7 @@ def test_what_is_little_rules_out_none_that_leaves_hardly_more() -> None:
 
 def test_rivals_are_sets_with_another_effect_in_whatever_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """An exchanged effect is the newest of its set: (gain, tilt) became (tilt, leak)."""
-    monkeypatch.setattr(describe, "bic", lambda t, *_: t.fit.squares)
+    monkeypatch.setattr(rivals, "bic", lambda t, *_: t.fit.squares)
     final = trial(20.0, GAIN, TILT)
     search = Search(trial(100.0), final)
     search.trials = [
@@ -134,6 +135,6 @@ def test_rivals_are_sets_with_another_effect_in_whatever_order(monkeypatch: pyte
         trial(21.0, LEAK, TILT),
     ]
     problem: Any = None
-    first, second = (describe._rivals(search, final, k, problem, 1.0) for k in (0, 1))
+    first, second = (rivals.rivals_of(search, final, k, problem, 1.0) for k in (0, 1))
     assert [(r.key, r.number, r.distance) for r in first] == [(LEAK, 1, -1.0)]
     assert second == []

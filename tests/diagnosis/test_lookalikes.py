@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from bha.diagnosis import lookalikes
+from bha.diagnosis import search as searching
 from bha.diagnosis.rules import Rules
 from bha.diagnosis.search import Search
 
@@ -46,7 +47,7 @@ def test_a_look_alike_on_a_bound_replaces_none_that_is_not(
         tried.append(current.key[number])
         return SimpleNamespace(fit=None)
 
-    monkeypatch.setattr(lookalikes, "without", without)
+    monkeypatch.setattr(searching, "without", without)
     search = Search(trial(900.0), found)
     given: Any = SimpleNamespace(problem=SimpleNamespace(rows=10), rules=Rules(), signatures=None, say=lambda _: None)
     assert lookalikes.swap(given, search) is exchanged

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bha.diagnosis import company, workflow
+from bha.diagnosis import company, rivals, workflow
 from bha.diagnosis.candidate import Candidate
 from bha.diagnosis.catalogue import available
 from bha.diagnosis.company import complete
@@ -123,7 +123,7 @@ def test_where_many_kinds_do_alike_those_that_promised_little_are_asked(
     monkeypatch.setattr(company, "added", refit)
     monkeypatch.setattr(company, "abreast", lambda _, work, chosen, tell: [work(s) for s in chosen])
     monkeypatch.setattr(company, "correlation_length", lambda *_: 1.0)
-    monkeypatch.setattr(company, "bic", lambda t, *_: costs[t.key[-1][0]])
+    monkeypatch.setattr(rivals, "bic", lambda t, *_: costs[t.key[-1][0]])
     ranking = [scored("pressure_offset", f"input p1{k}", 4.0 - k) for k in (3, 1, 2)] + [scored("leak", "all", 0.5)]
     best = trial("payload", "section 1")
     tried = [best, trial("base_tilt", "all"), trial("weak_bellows", "bellows 12")]

@@ -7,12 +7,12 @@ does not happen, and nobody is asked. A class of the three that were tried by ch
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Sequence
 
 from bha.diagnosis.abreast import abreast
 from bha.diagnosis.given import Given
-from bha.diagnosis.refit import Trial, added, bic, correlation_length, without
+from bha.diagnosis.refit import Trial, added, correlation_length
+from bha.diagnosis.rivals import rivals_of
 from bha.diagnosis.screen import Scored, score
 from bha.diagnosis.search import Search
 
@@ -21,68 +21,44 @@ Key = tuple[str, str]
 
 def complete(given: Given, search: Search) -> None:
     """Refit those that were not tried, the likeliest first, in the place of each effect that is one of several."""
-    best = search.best
-    if len(set(best.key)) < len(best.key):
-        return
-    limit = _criterion(given, search, best) + given.rules.even
-    for number in range(len(best.key)):
-        _complete(given, search, number, limit)
+    if len(set(search.best.key)) == len(search.best.key):
+        for number in range(len(search.best.key)):
+            _complete(given, search, number)
 
 
-def _complete(given: Given, search: Search, number: int, limit: float) -> None:
-    best, rules = search.best, given.rules
-    even = {key for key, least in _rivals(given, search, number).items() if least < limit}
-    if not even:
-        return
-    kinds = {kind for kind, _ in even} | {best.key[number][0]}
-    start = _beside(given, search, number)
+def _complete(given: Given, search: Search, number: int) -> None:
+    best, rules, own = search.best, given.rules, search.best.key[number]
+    correlation = correlation_length(given.problem, best.fit.residual)
+
+    def tried() -> dict[Key, float]:
+        return {r.key: r.distance for r in rivals_of(search, best, number, given.problem, correlation)}
+
+    before = tried()
+    kinds = {kind for (kind, _), distance in before.items() if distance < rules.even}
+    start = _start(given, search, number) if kinds else None
     if start is None:
         return
-    alone = start is search.plain
-    ranking = (
-        search.screening if alone and search.screening else score(given.problem, start.fit, given.signatures)
-    ).ranking
-    found: list[Trial] = []
+    alone = search.screening if start is search.plain else None
+    ranking = (alone or score(given.problem, start.fit, given.signatures)).ranking
+    kinds.add(own[0])
     if len(kinds) >= rules.crowd:
-        found = _refitted(given, search, start, _next(ranking, _known(given, search, number), (), 1, rules.company))
-        kinds = {t.key[-1][0] for t in found if _criterion(given, search, t) < limit}
+        _refit(given, search, start, _next(ranking, {*before, *best.key}, (), 1, rules.company))
+        kinds = {key[0] for key, distance in tried().items() if distance < rules.even and key not in before}
     if kinds:
         # Of those that do as well other places are asked.
-        others = _next(ranking, _known(given, search, number), kinds, rules.per_kind + 1, rules.company // 2)
-        found += _refitted(given, search, start, others)
-    alike = [f"{t.key[-1][0]} at {t.key[-1][1]}" for t in found if _criterion(given, search, t) < limit]
+        places = rules.per_kind + 1
+        _refit(given, search, start, _next(ranking, {*tried(), *best.key}, kinds, places, rules.company // 2))
+    alike = [f"{key[0]} at {key[1]}" for key, d in tried().items() if d < rules.even and key not in before]
     if alike:
-        kind, where = best.key[number]
-        search.notes.append(f"as good as {kind} at {where}, though their scores promised little: {', '.join(alike)}")
+        as_good = f"as good as {own[0]} at {own[1]}, though their scores promised little"
+        search.notes.append(f"{as_good}: {', '.join(alike)}")
 
 
-def _criterion(given: Given, search: Search, trial: Trial) -> float:
-    return bic(trial, given.problem, correlation_length(given.problem, search.best.fit.residual))
-
-
-def _rivals(given: Given, search: Search, number: int) -> dict[Key, float]:
-    """The least criterion of each effect that was tried in the place of one of the best set, the others being there."""
-    own = search.best.key
-    rest = Counter(own[:number] + own[number + 1 :])
-    found: dict[Key, float] = {}
-    for trial in search.trials:
-        more = Counter(trial.key) - rest
-        if len(trial.key) == len(own) and more.total() == 1 and (key := next(iter(more))) != own[number]:
-            found[key] = min(found.get(key, float("inf")), _criterion(given, search, trial))
-    return found
-
-
-def _known(given: Given, search: Search, number: int) -> set[Key]:
-    return {*_rivals(given, search, number), *search.best.key}
-
-
-def _beside(given: Given, search: Search, number: int) -> Trial | None:
-    """The best set without one of its effects, with its sensitivities; None if it diverges."""
-    best = search.best
-    if len(best.key) == 1:
+def _start(given: Given, search: Search, number: int) -> Trial | None:
+    """The best set without one of its effects, with its sensitivities; None where it has none."""
+    if len(search.best.key) == 1:
         return search.plain
-    kept = search.smaller.get(best.key[number]) if search.whole is best else None
-    found = kept or without(given, best, number)
+    found = search.without(given, number)
     return found if found is not None and found.fit.jacobian is not None else None
 
 
@@ -99,8 +75,8 @@ def _next(
     return list(chosen.values())[:most]
 
 
-def _refitted(given: Given, search: Search, start: Trial, chosen: Sequence[Scored]) -> list[Trial]:
-    """``start`` with each of some candidates; they are kept among the trials."""
+def _refit(given: Given, search: Search, start: Trial, chosen: Sequence[Scored]) -> None:
+    """``start`` with each of some candidates, among the trials."""
 
     def refit(scored: Scored) -> Trial | None:
         return added(given, start, scored.candidate, scored.strengths)
@@ -109,6 +85,4 @@ def _refitted(given: Given, search: Search, start: Trial, chosen: Sequence[Score
         own = chosen[k].candidate
         given.say(f"who else does as well: {own.kind} at {own.where} ({k + 1} of {len(chosen)})")
 
-    found = [trial for trial in abreast(given.problem, refit, chosen, tell) if trial is not None]
-    search.trials += found
-    return found
+    search.trials += [trial for trial in abreast(given.problem, refit, chosen, tell) if trial is not None]

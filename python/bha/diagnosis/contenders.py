@@ -205,10 +205,8 @@ def with_other_forms(chosen: Sequence[Scored], ranking: Sequence[Scored]) -> lis
     """``chosen`` with the other forms of their kinds in the same places: a refit tells how many numbers one needs."""
     result = list(chosen)
     for scored in chosen:
-        key, forms = (
-            scored.candidate.key,
-            {id(s.candidate.plan) for s in result if s.candidate.key == scored.candidate.key},
-        )
+        key = scored.candidate.key
+        forms = {id(s.candidate.plan) for s in result if s.candidate.key == key}
         for other in ranking:
             if other.candidate.key == key and id(other.candidate.plan) not in forms:
                 result.append(other)

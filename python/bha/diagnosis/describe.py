@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -23,6 +22,7 @@ from bha.diagnosis.plan import together
 from bha.diagnosis.refit import Trial, bic, correlation_length
 from bha.diagnosis.residual import describe_residual
 from bha.diagnosis.result import Alternative, CandidateLine, Correction, Diagnosis, Effect, Estimate, Gap, Number, plain
+from bha.diagnosis.rivals import Rival, rivals_of
 from bha.diagnosis.screen import Signatures
 from bha.diagnosis.search import Search, told
 from bha.diagnosis.valves import found_valves, is_of_valves
@@ -226,7 +226,7 @@ def _effects(
         empirical = empirical or any(high < 0.0 for _, high in spans)
         # Refining a bank moves it to the end.
         place = chosen.key.index(candidate.key)
-        rivals = _rivals(state, chosen, place, problem, correlation)
+        rivals = rivals_of(state, chosen, place, problem, correlation)
         near = [r for r in rivals if r.distance < ALIKE][:MOST_RIVALS]
         untold = [r for r in near if told(problem, signatures, r.trial, chosen) > TOLD]
         untold += [r for r in of_like_form(state, problem, chosen, rivals) if r not in untold]
@@ -367,39 +367,3 @@ def _numbers(elements: Sequence[_Element], adding: Sequence[str] = ()) -> dict[s
             at_bound=any(name in e.on_bound for e in elements),
         )
     return result
-
-
-@dataclass(frozen=True)
-class Rival:
-    """A trial with another effect in the place of one of the final set's, the rest being the same in any order.
-
-    Attributes:
-        trial: the trial.
-        number: of that effect among its own.
-        distance: of its criterion from that of the final set.
-    """
-
-    trial: Trial
-    number: int
-    distance: float
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """Kind and place of that effect."""
-        return self.trial.key[self.number]
-
-
-def _rivals(state: Search, final: Trial, number: int, problem: Problem, correlation: float) -> list[Rival]:
-    """Trials that differ from the final one in that effect only, the best first."""
-    mine = bic(final, problem, correlation)
-    rest = Counter(final.key[:number] + final.key[number + 1 :])
-    found: dict[tuple[str, str], Rival] = {}
-    for trial in state.trials:
-        more = Counter(trial.key) - rest
-        if len(trial.key) == len(final.key) and more.total() == 1 and (key := next(iter(more))) != final.key[number]:
-            # The newest of elements of one kind in one place is the one beyond the rest.
-            place = len(trial.key) - 1 - trial.key[::-1].index(key)
-            rival = Rival(trial, place, bic(trial, problem, correlation) - mine)
-            if key not in found or rival.distance < found[key].distance:
-                found[key] = rival
-    return sorted(found.values(), key=lambda r: r.distance)

@@ -7,17 +7,15 @@ An effect is taken in where the best of all candidates in all places would hardl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from bha.diagnosis.abreast import abreast
-from bha.diagnosis.cache import Cache
 from bha.diagnosis.contenders import asks_memory, contenders, other_kinds, second_look
 from bha.diagnosis.given import Given
 from bha.diagnosis.kin import as_kin
-from bha.diagnosis.plausible import plausible, screened
+from bha.diagnosis.plausible import plausible
 from bha.diagnosis.ranking import by_criterion, in_order
 from bha.diagnosis.refit import Trial, added, refined
-from bha.diagnosis.screen import Scored, Screening, probe, score
+from bha.diagnosis.screen import Scored, Screening, score
 from bha.diagnosis.search import Search, by_chance, gain
 from bha.diagnosis.slowness import LAG
 
@@ -83,7 +81,8 @@ def _from_plausible(given: Given, search: Search, trials: list[Trial]) -> list[T
     kept = plausible(given, search.plain)
     if kept is None:
         return trials
-    screening = screened(given, kept)
+    there = given.about(kept.fit, "about plausible numbers")
+    screening = score(given.problem, kept.fit, there.signatures)
     chosen = contenders(given, kept, screening, (), 0.0)
     further = tried(given, search, chosen, trials[0], kept)
     if further and further[0].fit.cost < trials[0].fit.cost:
@@ -100,15 +99,9 @@ def renewed(given: Given, current: Trial) -> Given:
     About the plain fit they are those of another arm: beside a spring of 50 N m between its sections a delay of 0.1 s
     shows as one of a soft arm would not.
     """
-    problem = given.problem
-    if not current.candidates or current.fit.squares < given.rules.shows**2 * problem.rows:
+    if not current.candidates or current.fit.squares < given.rules.shows**2 * given.problem.rows:
         return given
-
-    def tell(share: float) -> None:
-        given.say(f"screening all candidates beside {current.label} ({100.0 * share:.0f} %)")
-
-    plans = list({id(c.plan): c.plan for c in given.signatures.candidates}.values())
-    return replace(given, signatures=probe(problem, current.fit, plans, tell, Cache(None, "")))
+    return given.about(current.fit, f"beside {current.label}")
 
 
 def _leaves_much(given: Given, search: Search, best: Trial) -> bool:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from bha.diagnosis.cache import Cache
 from bha.diagnosis.candidate import Ranges
-from bha.diagnosis.fit import Problem
+from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.holdout import Holdout
 from bha.diagnosis.rules import Rules
-from bha.diagnosis.screen import Signatures
+from bha.diagnosis.screen import Signatures, probe
 
 Say = Callable[[str], None]
 
@@ -35,3 +36,12 @@ class Given:
     rules: Rules
     noise: float
     say: Say
+
+    def about(self, fit: Fit, what: str) -> Given:
+        """The same with the signatures of all candidates about another fit; ``what`` it is, in words."""
+
+        def tell(share: float) -> None:
+            self.say(f"screening all candidates {what} ({100.0 * share:.0f} %)")
+
+        plans = list({id(c.plan): c.plan for c in self.signatures.candidates}.values())
+        return replace(self, signatures=probe(self.problem, fit, plans, tell, Cache(None, "")))

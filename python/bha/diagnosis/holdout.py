@@ -69,6 +69,11 @@ class Prediction:
     until: tuple[float, ...]
 
     @property
+    def ran_away(self) -> bool:
+        """Whether the model has run away in some log."""
+        return bool(np.isfinite(self.until).any())
+
+    @property
     def mean_square(self) -> float:
         """Mean square of the white residual; one for a right model, infinite for one that runs away early."""
         valid = np.isfinite(self.blocks)

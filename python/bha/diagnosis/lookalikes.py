@@ -8,7 +8,7 @@ from bha.diagnosis.abreast import abreast
 from bha.diagnosis.contenders import promising
 from bha.diagnosis.given import Given
 from bha.diagnosis.ranking import on_bound
-from bha.diagnosis.refit import Trial, added, bic, correlation_length, without
+from bha.diagnosis.refit import Trial, added, bic, correlation_length
 from bha.diagnosis.screen import Scored, score
 from bha.diagnosis.search import Search
 
@@ -21,8 +21,7 @@ def swap(given: Given, search: Search) -> bool:
             break
         current = search.best
         given.say(f"look-alikes of {current.key[k][0]} at {current.key[k][1]}")
-        known = search.smaller.get(current.key[k]) if search.whole is current else None
-        smaller = known or without(given, current, k)
+        smaller = search.without(given, k)
         if smaller is None:
             continue
         ranking = score(problem, smaller.fit, given.signatures).ranking

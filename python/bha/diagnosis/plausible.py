@@ -14,12 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from bha.diagnosis.cache import Cache
 from bha.diagnosis.fit import evaluate, improve, weighted, with_sensitivities
 from bha.diagnosis.given import Given
 from bha.diagnosis.model import of_sensors
 from bha.diagnosis.refit import Trial
-from bha.diagnosis.screen import Screening, probe, score
 from bha.diagnosis.valves import is_of_valves
 from bha.errors import ConvergenceError
 from bha.estimation.free import Coordinate
@@ -59,13 +57,3 @@ def plausible(given: Given, plain: Trial) -> Trial | None:
 def _is_astray(coordinate: Coordinate, x: float) -> bool:
     own = not of_sensors(coordinate) and not is_of_valves(coordinate)
     return own and coordinate.logarithmic and abs(coordinate.scale * x) > math.log(ASTRAY)
-
-
-def screened(given: Given, kept: Trial) -> Screening:
-    """The candidates about that fit."""
-    plans = list({id(c.plan): c.plan for c in given.signatures.candidates}.values())
-
-    def tell(share: float) -> None:
-        given.say(f"screening all candidates about plausible numbers ({100.0 * share:.0f} %)")
-
-    return score(given.problem, kept.fit, probe(given.problem, kept.fit, plans, tell, Cache(None, "")))

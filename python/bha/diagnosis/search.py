@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from bha.diagnosis.fit import Problem
-from bha.diagnosis.refit import Trial
+from bha.diagnosis.given import Given
+from bha.diagnosis.refit import Trial, without
 from bha.diagnosis.screen import Screening, Signatures, score
 
 
@@ -83,6 +84,11 @@ class Search:
         holdout = self.plain.holdout.on_their_days(self.plain.fit, self.plain.prediction.states)
         plain = replace(self.plain, holdout=holdout)
         return replace(self, plain=plain, best=plain), "; ".join(day.text for day in holdout.days or ())
+
+    def without(self, given: Given, number: int) -> Trial | None:
+        """The best set refitted without one of its effects, unless pruning has done that; None if it diverges."""
+        known = self.smaller.get(self.best.key[number]) if self.whole is self.best else None
+        return known or without(given, self.best, number)
 
     def fitted(self, keys: Sequence[tuple[str, str]]) -> Trial | None:
         """The best trial with these effects that has been fitted to its end, in any order; None for none."""

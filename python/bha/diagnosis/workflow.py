@@ -203,7 +203,7 @@ def _set_out(ground: Ground, course: Course, state: Search) -> tuple[Search, flo
     the last.
     """
     before, gap = ground.tested(state.plain, course.limits)
-    away = not np.isinf(state.best.prediction.until).all()
+    away = state.plain.prediction.ran_away
     lacks = ground.baseline.fit.squares > LACKS * ground.baseline.problem.rows
     if gap.significant and not (away or lacks or ground.remembers) and excused(state.plain, ground.train):
         moved, text = state.on_their_days()
@@ -216,7 +216,7 @@ def _set_out(ground: Ground, course: Course, state: Search) -> tuple[Search, flo
 
 def _in_sessions(state: Search, gap: GapTest, noise: float) -> tuple[Search, str]:
     """A search with errors beyond what sets sessions apart, and what is to be said of it; empty where nothing does."""
-    if not gap.significant or not np.isinf(state.best.prediction.until).all():
+    if not gap.significant or state.best.prediction.ran_away:
         return state, ""
     moved = state.in_sessions()
     return moved, stand_apart(state.best, moved.best, noise)

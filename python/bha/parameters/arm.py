@@ -387,7 +387,7 @@ class ArmParameters(Table):
 
 def _bending(stated: tuple[float, ...]) -> tuple[float, ...]:
     """All coefficients of a bending moment, zero where none is stated."""
-    return (*stated, *(0.0 for _ in range(BENDING_TERMS - len(stated))))
+    return (*stated, *[0.0] * (BENDING_TERMS - len(stated)))
 
 
 def _planes(section: SectionParameters) -> dict[str, Any]:

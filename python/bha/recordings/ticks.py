@@ -35,8 +35,8 @@ def ticks(time: Array, fresh: Rows, values: Array, step: float) -> Rows | None:
     """
     if len(fresh) < FEWEST or step <= 0.0:
         return None
-    row = float(np.median(np.diff(time)))
     apart = np.diff(time)
+    row = float(np.median(apart))
     if np.mean(np.abs(apart - row) > 0.2 * row) > STRAYS:
         return None
     waits = np.diff(time[fresh])
