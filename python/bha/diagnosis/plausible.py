@@ -1,7 +1,7 @@
 """The plain model with its numbers kept plausible: where to look once more if its best fit is none of this arm.
 
 A ringing arm of which one bellows has gone soft swings at other frequencies than the plain model can; the least error
-without them has a damping of fifty times the file's. About such a fit everything that rings looks alike, and scores
+without them has a damping of thousands of times the file's. About such a fit all that rings looks alike, and scores
 tell nothing. With the numbers that went astray held where the file has them, the plain model errs more, and by what it
 lacks.
 Source: docs/decisions/0028.
