@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import bha
+from bha.diagnosis.absorbed import Absorption
 from bha.diagnosis.decide import Decision
 from bha.diagnosis.follows import Follows, follows, pieces_of
 from bha.diagnosis.logged import CELL, Cells, mode_response
@@ -56,6 +57,47 @@ def test_a_twentieth_of_a_slow_disturbance_that_follows_what_was_logged_is_found
         assert found.bank == "fast"
         assert found.chance <= 0.01
         assert found.share >= 0.05
+
+
+def fitted(seed: int) -> tuple[list[Cells], Absorption]:
+    """Slow errors of two logs of which a fit of twelve numbers has taken from the first what it could."""
+    random = np.random.default_rng(seed)
+    parts, slopes = [], []
+    for _ in range(2):
+        pose = wandering(random, 160, 12, 2.0)
+        slopes.append(about_mean(pose[:, None, :] * random.choice([-1.0, 1.0], (3, 12))))
+        parts.append((about_mean(pose), about_mean(wandering(random, 160, 3, 2.0))))
+    bent = Absorption(np.concatenate(slopes), np.repeat([True, False], 160), np.ones(3), np.full(12, 1e-3))
+    errors = bent.left(np.concatenate([own for _, own in parts])[:, None, :])[:, 0]
+    made = [
+        Cells(about_mean(errors[160 * k : 160 * (k + 1)]), {"pose": parts[k][0]}, CELL, slopes[k]) for k in range(2)
+    ]
+    return made, bent
+
+
+def test_errors_that_a_fit_has_made_follow_the_pose_by_chance() -> None:
+    """What a wrong parameter does follows the pose; that it is wrong a disturbance has brought about."""
+    plainly, known = [], []
+    for seed in range(6):
+        cells, bent = fitted(seed)
+        as_is, as_fitted = follows(cells, seed), follows(cells, seed, bent)
+        assert as_is is not None
+        assert as_fitted is not None
+        plainly.append(as_is.chance)
+        known.append(as_fitted.chance)
+        assert as_fitted.grown > 1.5
+    assert sum(chance <= 0.01 for chance in plainly) >= 4
+    assert min(known) > 0.01
+
+
+def test_a_fit_of_errors_is_that_of_least_squares() -> None:
+    _, bent = fitted(1)
+    errors = np.random.default_rng(2).standard_normal((320, 2, 3))
+    table = np.concatenate([bent.slopes[:160].reshape(-1, 12), np.sqrt(1e-3) * np.eye(12)])
+    for draw in range(2):
+        wanted = np.concatenate([errors[:160, draw].ravel(), np.zeros(12)])
+        change = np.linalg.lstsq(table, wanted, rcond=None)[0]
+        assert bent.left(errors)[:, draw] == pytest.approx(errors[:, draw] - bent.slopes @ change)
 
 
 def test_pieces_are_of_one_log_each_and_about_equal() -> None:

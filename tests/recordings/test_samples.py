@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from bha.recordings import clock, samples
 from bha.recordings.noise import quantum, white_noise
@@ -173,6 +174,21 @@ def test_a_single_small_spike_is_found_and_fast_motion_is_none() -> None:
     # Pressures have kinks, and slow logs overshoots of one reading.
     assert not samples.judge(time, "p12", "Pa", 1e5 * values)[0].spikes
     assert not samples.judge(time * 10.0, "q12", "m", values)[0].spikes
+
+
+def test_spikes_that_come_together_are_found_and_setting_out_is_none() -> None:
+    rng = np.random.default_rng(14)
+    time = np.arange(1000) * 0.02
+    # An arm that sets out from one row to the next, as one under stiff springs does.
+    level = 0.2 + 0.04 * (np.searchsorted([6.0, 13.0], time, side="right") % 2)
+    moved = lfilter([0.3], [1.0, -0.7], level - 0.2) + 0.2
+    values = np.round((moved + 1e-4 * rng.standard_normal(1000)) / 5e-4) * 5e-4
+    assert not samples.judge(time, "q13", "m", values)[0].spikes
+    places = [165, 168, 173]
+    values[places] += np.array([-0.034, -0.022, 0.027])
+    facts, usable = samples.judge(time, "q13", "m", values)
+    assert [round(50.0 * t) for t in facts.spikes] == places
+    assert np.flatnonzero(~usable).tolist() == places
 
 
 def test_stamps_that_scatter_about_even_samples_are_mended_and_others_are_not() -> None:

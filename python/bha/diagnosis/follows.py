@@ -5,7 +5,7 @@ of time but one and what lies beside it, and the share of the errors' square tha
 errors are, once with their common spectrum made flat, as least squares want them: below a slow disturbance a small
 effect at the pace of the motion shows only then.
 Chance: the same of draws that have the memory of the errors, over time and channels (:mod:`bha.diagnosis.memory`), and
-follow nothing. The statistic is the greatest share over all banks, in standard deviations of what draws have in that
+follow nothing, and are fitted as the errors were (:mod:`bha.diagnosis.absorbed`). The statistic is the greatest share over all banks, in standard deviations of what draws have in that
 bank, so that one p-value stands for all of them.
 Source: generalized least squares; cross-validation by blocks (Burman, Chow and Nolan 1994); surrogates of the same
 spectrum (Theiler et al. 1992).
@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.diagnosis.absorbed import Absorption
 from bha.diagnosis.logged import Cells
 from bha.diagnosis.memory import Memory, memory
 from bha.estimation.bands import by_frequency, frequencies
@@ -32,8 +33,8 @@ PIECES, BESIDE = 8, 2.5
 FEWEST_CELLS = 4
 #: Weights of the ridge, in rows; the best one counts, for draws as well.
 WEIGHTS = tuple(np.geomspace(1e-3, 1e2, 6))
-#: Draws for the chance.
-DRAWS = 399
+#: Draws for the chance, and the share of them that grow by less than what chance still brings.
+DRAWS, GROWN = 399, 0.95
 #: Least density, over the greatest one, that is made flat.
 LEAST_DENSITY = 1e-3
 
@@ -46,15 +47,25 @@ class Follows:
         share: of their square, about the mean of each log, that the best bank predicts on pieces apart; not below 0.
         chance: how often errors that follow nothing seem to follow some bank as clearly, p-value over all banks.
         bank: the bank that they follow most clearly.
+        usual: the share that errors have which follow nothing, in half of the draws.
+        grown: by how much errors that follow nothing grow from the logs of a fit to those held out, in one of twenty.
     """
 
     share: float
     chance: float
     bank: str
+    usual: float = 0.0
+    grown: float = 1.0
 
 
-def follows(cells: Sequence[Cells], seed: int = 0) -> Follows | None:
-    """What the errors in the cells of logs follow; None where they are too few, or none."""
+def follows(cells: Sequence[Cells], seed: int = 0, bent: Absorption | None = None) -> Follows | None:
+    """What the errors in the cells of logs follow; None where they are too few, or none.
+
+    Args:
+        cells: of each log.
+        seed: of the draws.
+        bent: what a fit makes of errors; they are taken as they are if None.
+    """
     lengths, steps = [len(own.errors) for own in cells], [own.step for own in cells]
     rows = sum(lengths)
     errors = np.concatenate([own.errors for own in cells]) if cells else np.empty((0, 0))
@@ -63,6 +74,8 @@ def follows(cells: Sequence[Cells], seed: int = 0) -> Follows | None:
     parts = [own.errors for own in cells]
     remembered = _without_means(memory(parts, steps), lengths, steps)
     drawn = _draws(remembered, parts, steps, np.random.default_rng([seed, 31]))
+    if bent is not None:
+        drawn = bent.left(drawn)
     both = np.concatenate([errors[:, None, :], drawn], axis=1)
     flat = _flattened(both.reshape(rows, -1), remembered, lengths, steps, errors).reshape(both.shape)
     pieces = pieces_of(lengths)
@@ -85,7 +98,9 @@ def follows(cells: Sequence[Cells], seed: int = 0) -> Follows | None:
     clear = (table - table[:, 1:].mean(axis=1, keepdims=True)) / table[:, 1:].std(axis=1, keepdims=True)
     greatest = clear.max(axis=0)
     chance = (1.0 + float(np.sum(greatest[1:] >= greatest[0]))) / (1.0 + DRAWS)
-    return Follows(max(0.0, float(table[:, 0].max())), chance, names[int(np.argmax(clear[:, 0]))])
+    share, bank = max(0.0, float(table[:, 0].max())), names[int(np.argmax(clear[:, 0]))]
+    grown = 1.0 if bent is None else float(np.quantile(bent.grown(drawn), GROWN))
+    return Follows(share, chance, bank, float(np.median(table[:, 1:].max(axis=0))), grown)
 
 
 def pieces_of(lengths: Sequence[int]) -> NDArray[np.intp]:

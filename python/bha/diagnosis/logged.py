@@ -55,11 +55,13 @@ class Cells:
         errors: m, shape (g, C).
         banks: name -> regressors, shape (g, F).
         step: length of a cell, s.
+        slopes: how what the model shows changes with its coordinates, shape (g, C, K), if asked for.
     """
 
     errors: Array
     banks: dict[str, Array]
     step: float
+    slopes: Array | None = None
 
 
 def modes_of(fit: Fit) -> Modes:
@@ -76,8 +78,11 @@ def modes_of(fit: Fit) -> Modes:
     return np.asarray(values[values.imag >= 0.0], dtype=np.complex128)
 
 
-def cells_of(record: Record, outputs: Array, modes: Modes) -> Cells | None:
-    """Cells of a log and of what a model shows of it, (rows, C); None for a few cells, or none that count."""
+def cells_of(record: Record, outputs: Array, modes: Modes, slopes: Array | None = None) -> Cells | None:
+    """Cells of a log, of what a model shows of it, (rows, C), and how that changes with its coordinates, (rows, C, K).
+
+    None for a few cells, or none that count.
+    """
     time = record.time
     count = int((time[-1] - time[0]) / max(CELL, 2.0 * record.sample_time))
     if count < FEWEST_CELLS:
@@ -105,7 +110,12 @@ def cells_of(record: Record, outputs: Array, modes: Modes) -> Cells | None:
         return None
     regressors = {name: np.column_stack(parts) for name, parts in banks.items()}
     # Cells left at zero would show in errors and regressors alike, and draws have none.
-    return Cells(_about_mean(_filled(errors)), {name: _about_mean(table) for name, table in regressors.items()}, step)
+    told = None
+    if slopes is not None:
+        flat = _filled(cell_means(time, slopes.reshape(len(slopes), -1), step, count))
+        told = _about_mean(flat).reshape(count, *slopes.shape[1:])
+    tables = {name: _about_mean(table) for name, table in regressors.items()}
+    return Cells(_about_mean(_filled(errors)), tables, step, told)
 
 
 def mode_response(mode: complex, step: float, values: Array) -> Array:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bha.diagnosis.absorbed import absorption, slopes_on
 from bha.diagnosis.decide import Decision
 from bha.diagnosis.fit import Fit, Problem
 from bha.diagnosis.follows import Follows, follows
@@ -35,8 +36,9 @@ LEAST_TIME = 30.0
 #: Pieces of a log for the sine.
 QUARTERS = 4
 #: Errors follow something where chance does as much with at most this p, and where it is at least this share of their
-#: square: a plain model of a real arm is never quite right. A greater share is never called nothing, though chance may
-#: bring it: slow errors are few independent numbers.
+#: square: a plain model of a real arm is never quite right. A greater share than the last, or than errors that follow
+#: nothing have in half of the draws, is never called nothing, though chance may bring it: slow errors are few
+#: independent numbers.
 CHANCE, SHARE, OPEN = 0.01, 0.05, 0.3
 #: Share of the errors' square that a sine predicts at most where nothing is missing, share of the excess that the best
 #: effects remove, held-out over training RMS error, and the mean error of a log over the rest of its errors.
@@ -79,8 +81,8 @@ class Unlogged:
     @property
     def is_a_disturbance(self) -> bool:
         """Whether errors follow nothing that was logged, as far as they can tell, and are the same in all logs."""
-        alike = self.grown < MOST_GROWN and self.offset < MOST_OFFSET
-        return alike and not self.follows_something and self.logged.share < OPEN
+        alike = self.grown < max(MOST_GROWN, self.logged.grown) and self.offset < MOST_OFFSET
+        return alike and not self.follows_something and self.logged.share < max(OPEN, self.logged.usual)
 
     @property
     def needs_no_search(self) -> bool:
@@ -147,8 +149,15 @@ def unlogged(
         return None
     before, after = (_scatter(part) for part in (logs, held))
     modes = modes_of(fit)
-    cells = [own for record, y in (*logs, *held) if (own := cells_of(record, y, modes)) is not None]
-    logged = follows(cells, seed)
+    slopes = slopes_on(problem, fit, holdout, prediction)
+    tables = slopes if slopes is not None else [None] * (len(logs) + len(held))
+    found = [cells_of(r, y, modes, table) for (r, y), table in zip((*logs, *held), tables, strict=True)]
+    cells = [own for own in found if own is not None]
+    bent = None
+    if slopes is not None:
+        own = [k < len(logs) for k, part in enumerate(found) if part is not None]
+        bent = absorption(problem, fit, [part.slopes for part in cells if part.slopes is not None], own)
+    logged = follows(cells, seed, bent)
     if logged is None or before <= 0.0:
         return None
     periodic = periodic_share([(own.errors, own.step) for own in cells])

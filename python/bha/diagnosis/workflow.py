@@ -208,8 +208,10 @@ def _set_out(ground: Ground, course: Course, state: Search) -> tuple[Search, flo
     if gap.significant and not (away or lacks or ground.remembers) and excused(state.plain, ground.train):
         moved, text = state.on_their_days()
         error, other = ground.tested(moved.plain, course.limits)
-        # What is left must be noise, not only as little: a slow effect hides best in what every log has of its own.
-        if not other.significant and other.mean_square <= other.limit:
+        # What is left must be noise, not only as little: a slow effect hides best in what every log has of its own. It
+        # may be as much as is left of the logs of the fit, where that is none either.
+        left = min(ground.baseline.fit.squares / ground.baseline.problem.rows, course.limits.material**2)
+        if not other.significant and other.mean_square <= max(other.limit, left):
             return moved, error, other, f"{stands_off(state.plain)}; errors count beyond {OF_DAYS} ({text})"
     return state, before, gap, ""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bha.arm import Arm
 from bha.errors import LogError
 from bha.logs import Log
-from bha.recordings import aligned, clock, frozen, pressures, samples, together
+from bha.recordings import aligned, clock, frozen, hung, pressures, samples, together
 from bha.recordings.doubt import Doubt
 from bha.recordings.outputs import Output, observe
 from bha.recordings.pressures import PressureChoice, PressureSort
@@ -24,6 +24,8 @@ Mask = NDArray[np.bool_]
 
 #: How long an arm takes to forget what a frozen pressure did to it, s.
 RECOVERY = 1.0
+#: A measured pressure has changed from so many noises, or steps of its grid; a commanded one whenever it does.
+_CHANGE = 4.0
 
 
 class Readings:
@@ -48,6 +50,7 @@ class Readings:
         self.name = name or (log.path.name if log.path is not None else "<arrays>")
         self._read_outputs()
         self._read_pressures(pressures)
+        self._leave_out_hung()
 
     def _read_outputs(self) -> None:
         self.observation, self.measured, self._said = observe(self.arm, self.log, self.name)
@@ -59,6 +62,22 @@ class Readings:
         self.usable: Mask = np.column_stack([m for _, m in judged]) if judged else np.empty(self.measured.shape, bool)
         for array in (self.time, self.measured):
             array.flags.writeable = False
+
+    def _leave_out_hung(self) -> None:
+        """What outputs repeat at the end of the log while the pressures go on does not count."""
+        if not self.outputs:
+            return
+        stopped = {span for fact in self.facts for span in fact.dropouts}
+        least = np.array([_CHANGE * max(fact.noise, fact.quantum) for fact in self.pressure_facts])
+        if self.pressures.sort == "commanded":
+            least = np.zeros(len(least))
+        first = hung.hangs_from(self.time, self.measured, self._raw, least, stopped)
+        if first is None:
+            return
+        for k, fact in enumerate(self.facts):
+            judged = together.stopped_between((fact, self.usable[:, k]), self.time, first, len(self.time))
+            self.facts = (*self.facts[:k], judged[0], *self.facts[k + 1 :])
+            self.usable[:, k] = judged[1]
 
     def _read_pressures(self, asked: PressureSort | None) -> None:
         sort, chosen = pressures.choose_sort(self.arm, self.log, asked, self.name)

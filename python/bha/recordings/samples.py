@@ -43,6 +43,8 @@ SPIKE_TRAVEL = 0.05
 #: Of a channel that renews at least every so many seconds a single reading that comes home again is a spike already if
 #: the cubic through its four neighbours misses it by this many of the typical misses nearby and this many noises.
 LONE_INTERVAL, LONE_MISSES, LONE_NOISES = 0.025, 12.0, 12.0
+#: Share of the readings nearby that must be left without those that several such readings touch.
+LONE_LEFT = 0.25
 #: Share of the log that may be spikes; more is no spike but how the channel is.
 MOST_SPIKES = 0.02
 #: A sensor that holds its reading does so for no longer than this, usually, s.
@@ -314,19 +316,36 @@ def _lone_spikes(time: Array, values: Array, noise: float) -> NDArray[np.intp]:
     missed = np.zeros(count)
     missed[2:-2] = values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
     size = np.abs(missed)
-    block = 20
-    blocks = -(-count // block)
-    padded = np.pad(size, (0, blocks * block - count), mode="edge").reshape(blocks, block)
-    typical = np.median(padded, axis=1)
-    around = np.maximum(typical, np.maximum(np.roll(typical, 1), np.roll(typical, -1)))
-    least = np.maximum(LONE_MISSES * np.repeat(around, block)[:count], LONE_NOISES * np.sqrt(70.0) / 6.0 * noise)
-    found = size > least
-    if noise <= 0.0 or not np.any(found):
+    floor = LONE_NOISES * np.sqrt(70.0) / 6.0 * noise
+    if noise <= 0.0 or not np.any(size > floor):
         return np.empty(0, dtype=np.intp)
-    inner = np.flatnonzero(found)
     step = np.diff(values)
+    inner = np.flatnonzero(size > floor)
     # Home again: from the reading before to the one after it goes on as it did and does.
     going_on = step[inner - 2] + step[inner + 1]
-    home = np.abs(values[inner + 1] - values[inner - 1] - going_on) < 0.4 * size[inner]
-    places = inner[home]
+    inner = inner[np.abs(values[inner + 1] - values[inner - 1] - going_on) < 0.4 * size[inner]]
+    # Between its neighbours lies what an arm that sets out does; what travels all along goes on as fast.
+    beyond = np.minimum(np.abs(step[inner - 1]), np.abs(step[inner])) > 0.25 * size[inner]
+    as_fast = np.abs(step[inner + 1] - step[inner - 2]) < 2.0 * size[inner]
+    inner = inner[as_fast | (beyond & (step[inner - 1] * step[inner] < 0.0))]
+    places = inner[size[inner] > LONE_MISSES * _typical_nearby(size, inner)[inner]]
     return places if len(places) <= MOST_SPIKES * count else np.empty(0, dtype=np.intp)
+
+
+def _typical_nearby(misses: Array, suspects: NDArray[np.intp]) -> Array:
+    """The typical miss near each reading: medians over blocks, the greatest of neighbours.
+
+    What suspects have their neighbours miss is left out where something else is left of a block: several spikes in
+    one would pass for a fast motion.
+    """
+    count, block = len(misses), 20
+    blocks = -(-count // block)
+    touched = np.zeros(count, dtype=np.bool_)
+    for beside in range(-2, 3):
+        touched[np.clip(suspects + beside, 0, count - 1)] = True
+    padded = np.pad(misses, (0, blocks * block - count), mode="edge").reshape(blocks, block)
+    out = np.pad(touched, (0, blocks * block - count), mode="edge").reshape(blocks, block)
+    out &= out.mean(axis=1, keepdims=True) <= 1.0 - LONE_LEFT
+    typical = np.nanmedian(np.where(out, np.nan, padded), axis=1)
+    around = np.maximum(typical, np.maximum(np.roll(typical, 1), np.roll(typical, -1)))
+    return np.repeat(around, block)[:count]

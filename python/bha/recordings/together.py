@@ -55,7 +55,7 @@ def stopped_together(time: Array, values: Array, judged: Sequence[Judged]) -> li
                 # What a slower sensor holds is no rest in every row.
                 if judged[k][0].held == 0.0 or len(rows) < len(time):
                     found[k] = _rested(found[k], time, values[:, k], rows[rows <= first], end)
-                found[k] = _stopped(found[k], time, first, last)
+                found[k] = stopped_between(found[k], time, first, last)
     return found
 
 
@@ -73,14 +73,14 @@ def held_together(time: Array, values: Array, judged: Sequence[Judged]) -> list[
     fine = [not slow and _is_fine(facts, c) for slow, (facts, _), c in zip(own, judged, values.T, strict=True)]
     found = list(judged)
     for first, last in _standstills(time, values, fine):
-        found = [_stopped(channel, time, first, last) for channel in found]
+        found = [stopped_between(channel, time, first, last) for channel in found]
     for rows, channels in _slower(time, judged):
         seen = values[rows][:, channels]
         fine = [_is_fine(judged[k][0], column) for k, column in zip(channels, seen.T, strict=True)]
         ends = np.append(rows, len(time))
         for first, last in _standstills(time[rows], seen, fine):
             for k in channels:
-                found[k] = _stopped(found[k], time, int(rows[first]), int(ends[last]))
+                found[k] = stopped_between(found[k], time, int(rows[first]), int(ends[last]))
     return found
 
 
@@ -135,7 +135,7 @@ def _rested(channel: Judged, time: Array, values: Array, rows: NDArray[np.intp],
     return replace(facts, dropouts=tuple(d for d in facts.dropouts if d[1] != end)), mask | rest
 
 
-def _stopped(channel: Judged, time: Array, first: int, last: int) -> Judged:
+def stopped_between(channel: Judged, time: Array, first: int, last: int) -> Judged:
     """A channel that has stopped from row ``first`` to before row ``last``: its first reading counts, repeats do not.
 
     Dropouts of its own that this overlaps are one with it.
