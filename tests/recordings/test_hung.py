@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.diagnosis.synthetic import one_section
 
 import bha
 from bha.recordings import hung
-
-from tests.diagnosis.synthetic import one_section
 
 #: Rows, s; every 2 s one of three commands is another.
 TIME = np.arange(2400) * 0.01

@@ -1,9 +1,9 @@
 """What a fit makes of errors that follow nothing: less of them on its own logs, more on others.
 
 What: an arm that is pushed by what no log holds errs slowly, and slow errors are few independent numbers. A fit bends
-its parameters to them: what is left on its own logs is less than what the disturbance does, and on others the parameters
-that are wrong by as much err beside it, and that follows the pose. Draws of errors are therefore fitted as the errors
-were, by the sensitivities on all cells and the priors, before anything is read from them.
+its parameters to them: what is left on its own logs is less than what the disturbance does, and on others the
+parameters that are wrong by as much err beside it, and that follows the pose. Draws of errors are therefore fitted as
+the errors were, by the sensitivities on all cells and the priors, before anything is read from them.
 Limits: to first order; initial states are not fitted with them.
 """
 

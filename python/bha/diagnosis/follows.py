@@ -4,9 +4,9 @@ What: for each bank of regressors (:mod:`bha.diagnosis.logged`) a ridge regressi
 of time but one and what lies beside it, and the share of the errors' square that it predicts of that piece; once as the
 errors are, once with their common spectrum made flat, as least squares want them: below a slow disturbance a small
 effect at the pace of the motion shows only then.
-Chance: the same of draws that have the memory of the errors, over time and channels (:mod:`bha.diagnosis.memory`), and
-follow nothing, and are fitted as the errors were (:mod:`bha.diagnosis.absorbed`). The statistic is the greatest share over all banks, in standard deviations of what draws have in that
-bank, so that one p-value stands for all of them.
+Chance: the same of draws that have the memory of the errors, over time and channels (:mod:`bha.diagnosis.memory`),
+follow nothing, and are fitted as the errors were (:mod:`bha.diagnosis.absorbed`). The statistic is the greatest share
+over all banks, in standard deviations of what draws have in that bank, so that one p-value stands for all of them.
 Source: generalized least squares; cross-validation by blocks (Burman, Chow and Nolan 1994); surrogates of the same
 spectrum (Theiler et al. 1992).
 Limits: errors that are stationary. What is true only of some pieces is not predicted from the others.
