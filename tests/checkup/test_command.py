@@ -111,7 +111,7 @@ def test_lost_readings_and_unused_columns_are_findings() -> None:
     found = bha.check(arm, bha.Log.from_arrays(columns))
     assert found.faults == ()
     texts = " ".join(f.what for f in found.findings)
-    assert "q11 stands still from 6.02 to 7.2 s" in texts
+    assert "q11 stands still from 6.02 s to 7.2 s" in texts
     assert "wire7" in texts
     assert any("x1 jumps away and back" in flaw for flaw in found.logs[0].flaws)
 
@@ -165,6 +165,6 @@ def test_flaws_have_times_since_the_start_and_each_channel_once() -> None:
     texts = "; ".join(facts.flaws)
     assert "e+09" not in texts
     assert "q11, q11" not in texts
-    assert "q11 stands still from 4.02 to 5.2 s after its start" in texts
+    assert "q11 stands still from 4.02 s after its start to 5.2 s after its start" in texts
     assert "1 times" not in texts
     assert "jumps away and back" in texts

@@ -47,7 +47,7 @@ def test_rest_counts_at_the_cameras_rate_where_every_reading_is_the_same() -> No
     facts, usable = samples.judge(time, "x1", "m", by_a_camera(motion, 3e-5, 1e-3, every=200.0 / 30.0))
     resting = (time > 1.5) & (time < 2.0)
     assert usable[resting].sum() == pytest.approx(15, abs=1)
-    assert facts.interval == pytest.approx(1.0 / 30.0, abs=2e-3)
+    assert facts.interval == pytest.approx(1.0 / 30.0, rel=0.02)
 
 
 def test_what_is_no_clock() -> None:

@@ -119,7 +119,7 @@ def facts_of(recording: Recording) -> LogFacts:
     flaws = [text for fact in (*recording.pressure_facts, *recording.facts) for text in _flaws(fact, first)]
     if clock.tick > 0.0:
         flaws.append(f"times lie on the grid of a {1e3 * clock.tick:.3g} ms timer, rows are even")
-    flaws += [f"no rows {_span(a, b, first)}" for a, b in clock.gaps[:3]]
+    flaws += [f"no rows {ranges.stretches(clock.gaps, first)}"] if clock.gaps else []
     choice = recording.pressures
     return LogFacts(
         name=recording.name,
@@ -223,16 +223,9 @@ def _channel(
     )
 
 
-def _span(start: float, end: float, first: float) -> str:
-    """A stretch of time, s: since the log's start where its clock says something else."""
-    if abs(first) < ranges.FAR_CLOCK:
-        return f"from {start:.4g} to {end:.4g} s"
-    return f"from {start - first:.4g} to {end - first:.4g} s after its start"
-
-
 def _flaws(fact: ChannelFacts, first: float) -> list[str]:
-    said = [f"{fact.name} is frozen {_span(a, b, first)}" for a, b in fact.frozen]
-    said += [f"{fact.name} stands still {_span(a, b, first)}" for a, b in fact.dropouts[:3]]
+    spans = (("is frozen", fact.frozen), ("stands still", fact.dropouts))
+    said = [f"{fact.name} {what} {ranges.stretches(own, first)}" for what, own in spans if own]
     if fact.spikes:
         at = ranges.moment(fact.spikes[0], first)
         count = len(fact.spikes)
