@@ -126,3 +126,27 @@ def test_a_logger_that_stops_leaves_a_slower_camera_its_own_rows() -> None:
     found = together.stopped_together(time, values, judged)
     assert found[0][1].sum() > judged[0][1].sum() + 150
     assert judged[1][1].sum() + 20 < found[1][1].sum() < judged[1][1].sum() + 35
+
+
+def test_a_channel_that_moves_by_a_step_at_a_time_has_the_clock_of_its_camera() -> None:
+    time, motion = moves(60.0, 200.0)
+    every = 200.0 / 30.0
+    little = 0.2 + 0.03 * (motion - 0.2)
+    columns = [
+        by_a_camera(m, n, 1e-3, every=every, seed=k) for k, (m, n) in enumerate([(motion, 3e-4), (little, 2e-4)])
+    ]
+    elsewhere = np.round((little + 2e-4 * np.random.default_rng(5).standard_normal(len(time))) / 1e-3) * 1e-3
+    values = np.column_stack([*columns, elsewhere])
+    judged = [samples.judge(time, f"{axis}1", "m", column) for axis, column in zip("xyz", values.T, strict=True)]
+    assert [facts.held > 0.0 for facts, _ in judged] == [True, False, False]
+    found = together.on_one_clock(time, values, judged)
+    assert [facts.held > 0.0 for facts, _ in found] == [True, True, False]
+    assert found[2] is judged[2]
+    facts, usable = found[1]
+    assert facts.interval == pytest.approx(1.0 / 30.0, rel=0.02)
+    assert usable.sum() == pytest.approx(1800, abs=5)
+    # Each reading counts from the row in which it came.
+    frame = (np.arange(len(time)) / every + 1e-9).astype(int)
+    first = np.flatnonzero(np.diff(frame, prepend=-1))
+    changed = np.flatnonzero(np.diff(values[:, 1]) != 0.0) + 1
+    assert set(changed) <= set(np.flatnonzero(usable)) & set(first)

@@ -56,6 +56,7 @@ class Readings:
         self.observation, self.measured, self._said = observe(self.arm, self.log, self.name)
         self.time, self.clock = clock.mended(self.log.time, self.measured)
         judged = [samples.judge(self.time, o.name, o.unit, self.measured[:, k]) for k, o in enumerate(self.outputs)]
+        judged = together.on_one_clock(self.time, self.measured, judged)
         judged = together.stopped_together(self.time, self.measured, judged)
         judged = together.held_together(self.time, self.measured, judged)
         self.facts: tuple[ChannelFacts, ...] = tuple(fact for fact, _ in judged)

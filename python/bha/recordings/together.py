@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bha.recordings.noise import quiet_noise
-from bha.recordings.samples import COARSE, DROPOUT_SECONDS, QUIET, REPEAT_CHANCE, ChannelFacts
+from bha.recordings.samples import COARSE, DROPOUT_SECONDS, QUIET, REPEAT_CHANCE, ChannelFacts, judge
+from bha.recordings.ticks import CHANCE, STRAYS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,6 +26,38 @@ Judged = tuple[ChannelFacts, Mask]
 _MOST = 0.5
 #: Channels of one sensor renew as often, to this share.
 _SAME = 0.1
+
+
+def on_one_clock(time: Array, values: Array, judged: Sequence[Judged]) -> list[Judged]:
+    """The same where a coarse channel changes in nothing but rows of a slower sensor: it is one of its channels.
+
+    One that moves little, or hardly more than a step at a time, does not tell by itself that it has a clock.
+
+    Args:
+        time: of the rows, s, shape (m,).
+        values: of all channels of a log, shape (m, C).
+        judged: what :func:`bha.recordings.samples.judge` says of each.
+    """
+    found = list(judged)
+    for rows, _ in _slower(time, judged):
+        # Where a reading came again its row is known to one.
+        near = np.zeros(len(time), dtype=np.bool_)
+        for beside in (-1, 0, 1):
+            near[np.clip(rows + beside, 0, len(time) - 1)] = True
+        for k, (facts, _) in enumerate(judged):
+            if facts.held > 0.0 or facts.filled or facts.quantum == 0.0 or not np.all(np.isfinite(values[:, k])):
+                continue
+            changed = np.flatnonzero(np.diff(values[:, k]) != 0.0) + 1
+            if np.mean(near) ** len(changed) > CHANCE or np.mean(near[changed]) < 1.0 - STRAYS:
+                continue
+            own, place = rows.copy(), np.searchsorted(rows, changed - 1)
+            own[np.minimum(place, len(rows) - 1)] = changed
+            own = np.unique(own)
+            fact, usable = judge(time[own], facts.name, facts.unit, values[own, k])
+            mask = np.zeros(len(time), dtype=np.bool_)
+            mask[own] = usable
+            found[k] = replace(fact, held=1.0 - len(own) / len(time)), mask
+    return found
 
 
 def stopped_together(time: Array, values: Array, judged: Sequence[Judged]) -> list[Judged]:
