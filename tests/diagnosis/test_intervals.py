@@ -140,3 +140,15 @@ def test_two_strengths_that_do_nearly_the_same_are_told_together(together: float
     covariance = [[1.0, together], [together, 1.0]]
     draws = np.random.default_rng(1).multivariate_normal([0.0, 0.0], covariance, 4000)
     assert is_told(trial, draws) is told
+
+
+def test_a_wall_is_there_however_stiff_it_may_be() -> None:
+    """From some stiffness on more does hardly more: its interval holds none, to first order, and there is a wall."""
+    (plan,) = available(("contact",))
+    candidate = Candidate(plan, "section 1", {"angle": 0.0, "distance": 0.85})
+    term, start = candidate.term([500.0], core_ranges())
+    model = SimpleNamespace(coordinates=term.coordinates, place=lambda number: slice(0, len(start)))
+    trial: Any = SimpleNamespace(candidates=(candidate,), fit=SimpleNamespace(model=model, x=np.array(start)))
+    draws = np.random.default_rng(3).standard_normal((4000, len(start))) * (2.0 + np.abs(np.array(start)))
+    assert is_told(trial, draws)
+    assert [strength.name for strength in plan.strengths if strength.hard] == ["stiffness"]

@@ -209,7 +209,7 @@ PLANS: tuple[KindPlan, ...] = (
     KindPlan(
         "contact",
         ("section",),
-        (Strength("stiffness", 500.0),),
+        (Strength("stiffness", 500.0, hard=True),),
         (
             Shape("angle", DIRECTIONS, logarithmic=False, spread=0.3),
             Shape("distance", (0.7, 0.85), logarithmic=False, spread=0.02),

@@ -28,12 +28,15 @@ class Strength:
         signed: whether either sign is physical.
         plausible: one standard deviation of its prior, where what is plausible does not depend on the arm; infinite for
             none.
+        hard: whether more of it does hardly more from some size on, as a wall's stiffness: a fit then tells little of
+            how much there is, to first order down to none, and everything of whether there is some.
     """
 
     name: str
     typical: float
     signed: bool = False
     plausible: float = math.inf
+    hard: bool = False
 
 
 @dataclass(frozen=True)
