@@ -73,8 +73,8 @@ def is_told(trial: Trial, draws: Array) -> bool:
     """Whether the strengths of some effect of a set are told from none, at 95 %: one of them, or all together.
 
     What could be nothing, as far as the logs and what else may be missing say, is no name. Of two strengths that do
-    nearly the same neither may be told, and yet not both be none. A set without strengths (lags, dead bands), or with one
-    of which more does hardly more (a wall's stiffness), is told.
+    nearly the same neither may be told, and yet not both be none. A set without strengths (lags, dead bands), or with
+    one of which more does hardly more (a wall's stiffness), is told.
 
     Args:
         trial: the set, fitted.
