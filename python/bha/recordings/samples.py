@@ -198,7 +198,7 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
         noise=noise,
         quantum=step,
         held=held_share,
-        interval=_usual_wait(at[readings]),
+        interval=_usual_wait(at[readings], ticking=renewed is not None),
         dropouts=tuple((float(at[a]), float(at[min(b, len(at) - 1)])) for a, b in dropped),
         spikes=tuple(float(t) for t in at[spike_rows]),
         missing=_missed(time, present),
@@ -207,16 +207,17 @@ def judge(time: Array, name: str, unit: str, values: Array, *, measured: bool = 
     return facts, usable
 
 
-def _usual_wait(time: Array) -> float:
+def _usual_wait(time: Array, *, ticking: bool) -> float:
     """The usual time between two readings, s; 0 for less than two.
 
-    The mean of those about the median: a camera of 30 Hz in rows of 200 Hz waits for six rows and for seven.
+    The median, and of a clock the mean of those about it: a camera of 30 Hz in rows of 200 Hz waits for six rows or
+    for seven.
     """
     waits = np.diff(time)
     if not len(waits):
         return 0.0
     middle = float(np.median(waits))
-    return float(np.mean(waits[np.abs(waits - middle) <= 0.5 * middle]))
+    return float(np.mean(waits[np.abs(waits - middle) <= 0.5 * middle])) if ticking else middle
 
 
 def with_frozen(facts: ChannelFacts, frozen: tuple[Span, ...]) -> ChannelFacts:

@@ -39,7 +39,8 @@ def on_one_clock(time: Array, values: Array, judged: Sequence[Judged]) -> list[J
         judged: what :func:`bha.recordings.samples.judge` says of each.
     """
     found = list(judged)
-    for rows, _ in _slower(time, judged):
+    for rows, channels in _slower(time, judged):
+        interval = judged[channels[0]][0].interval
         # Where a reading came again its row is known to one.
         near = np.zeros(len(time), dtype=np.bool_)
         for beside in (-1, 0, 1):
@@ -56,7 +57,7 @@ def on_one_clock(time: Array, values: Array, judged: Sequence[Judged]) -> list[J
             fact, usable = judge(time[own], facts.name, facts.unit, values[own, k])
             mask = np.zeros(len(time), dtype=np.bool_)
             mask[own] = usable
-            found[k] = replace(fact, held=1.0 - len(own) / len(time)), mask
+            found[k] = replace(fact, held=1.0 - len(own) / len(time), interval=interval), mask
     return found
 
 
