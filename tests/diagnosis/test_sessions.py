@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -10,9 +11,11 @@ import pytest
 
 import bha
 from bha.diagnosis.days import day_of, on_days
+from bha.diagnosis.decide import GapTest
 from bha.diagnosis.fit import Fit
 from bha.diagnosis.holdout import in_its_session
-from bha.diagnosis.sessions import excused
+from bha.diagnosis.rules import MATERIAL
+from bha.diagnosis.sessions import excused, leaves_noise
 from bha.estimation.engine import Model
 from bha.estimation.free import resolve
 from bha.estimation.integration import by
@@ -107,3 +110,15 @@ def test_the_day_of_a_log_is_found_by_simulating_it() -> None:
     # To the first order an arm that swings is another one.
     left = [np.std(seen.measured - shown) for shown in on_days(model, np.zeros(1), [day.state], [day])]
     assert left == pytest.approx([2e-4], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("mean_square", "training", "noise"),
+    [(1.1, 1.0, True), (1.23, 1.0, False), (1.23, 1.35, True), (1.75, 3.0, False)],
+)
+def test_a_log_on_its_day_may_be_as_far_from_noise_as_those_of_the_fit(
+    mean_square: float, training: float, noise: bool
+) -> None:
+    gap = GapTest(mean_square, 1.0, 1.12, 1.1, significant=False)
+    assert leaves_noise(gap, training, MATERIAL) is noise
+    assert not leaves_noise(replace(gap, significant=True), training, MATERIAL)

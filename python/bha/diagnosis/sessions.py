@@ -24,6 +24,7 @@ from bha.diagnosis.holdout import rms_errors, share_removed
 from bha.diagnosis.unlogged import mean_error
 
 if TYPE_CHECKING:
+    from bha.diagnosis.decide import GapTest
     from bha.diagnosis.refit import Trial
     from bha.estimation.records import Record
 
@@ -67,6 +68,20 @@ def excused(trial: Trial, train: Sequence[Record]) -> bool:
     rest = sum(section["bellows"][0]["rest_length"] for section in trial.fit.model.core["section"])
     least = min(_motion([record]) for record in trial.holdout.problem.records)
     return _off(trial) <= NEAR * rest and least >= MOVES_ALIKE * _motion(train)
+
+
+def leaves_noise(gap: GapTest, training: float, material: float) -> bool:
+    """Whether what the day of a log leaves of its errors is noise, not only as little as noise.
+
+    A slow effect hides best in what every log has of its own. It may be as far from noise as the logs of the fit are,
+    where that is no gap either.
+
+    Args:
+        gap: of the log on its day.
+        training: mean square of the white residual of the logs of the fit.
+        material: RMS over noise from which a gap is worth a name.
+    """
+    return not gap.significant and gap.mean_square <= max(gap.limit, min(training, material**2))
 
 
 def _off(trial: Trial) -> float:

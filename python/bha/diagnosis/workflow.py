@@ -28,7 +28,7 @@ from bha.diagnosis.rules import NOISE_LEFT, Rules
 from bha.diagnosis.screen import Signatures, probe, score
 from bha.diagnosis.search import OutOfTime, Search
 from bha.diagnosis.select import search
-from bha.diagnosis.sessions import LACKS, excused, stand_apart, stands_off
+from bha.diagnosis.sessions import LACKS, excused, leaves_noise, stand_apart, stands_off
 from bha.diagnosis.unlogged import Unlogged, unlogged
 from bha.diagnosis.ways import unlike, with_finding
 from bha.diagnosis.where import locate
@@ -208,10 +208,8 @@ def _set_out(ground: Ground, course: Course, state: Search) -> tuple[Search, flo
     if gap.significant and not (away or lacks or ground.remembers) and excused(state.plain, ground.train):
         moved, text = state.on_their_days()
         error, other = ground.tested(moved.plain, course.limits)
-        # What is left must be noise, not only as little: a slow effect hides best in what every log has of its own. It
-        # may be as much as is left of the logs of the fit, where that is none either.
-        left = min(ground.baseline.fit.squares / ground.baseline.problem.rows, course.limits.material**2)
-        if not other.significant and other.mean_square <= max(other.limit, left):
+        training = ground.baseline.fit.squares / ground.baseline.problem.rows
+        if leaves_noise(other, training, course.limits.material):
             return moved, error, other, f"{stands_off(state.plain)}; errors count beyond {OF_DAYS} ({text})"
     return state, before, gap, ""
 
