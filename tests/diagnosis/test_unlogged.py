@@ -179,7 +179,7 @@ def left_over(**changes: float) -> Unlogged:
     """Errors that follow nothing, but for some changes."""
     values = {"share": 0.02, "chance": 0.3, "explained": 0.0, "by_chance": 0.5, "periodic": 0.1, "grown": 1.1} | changes
     return Unlogged(
-        logged=Follows(values["share"], values["chance"], "past"),
+        logged=Follows(values["share"], values["chance"], "past", values.get("usual", 0.0), values.get("by_fit", 1.0)),
         explained=values["explained"],
         chance=values["by_chance"],
         periodic=values["periodic"],
@@ -214,6 +214,7 @@ def judged(decision: Decision, **changes: float) -> Decision:
         ({"explained": 0.2, "by_chance": 0.005}, "unexplained"),  # a candidate explains a part of it
         ({"periodic": 0.5}, "unexplained"),  # a periodic force
         ({"grown": 3.0}, "unexplained"),  # the fit knew more of its own logs
+        ({"grown": 3.0, "by_fit": 4.0}, "equivalent"),  # as a fit does that bends to a disturbance
         ({"offset": 8.0}, "unexplained"),  # a log far beside the others
     ],
 )
@@ -221,6 +222,20 @@ def test_what_follows_nothing_is_no_gap_of_the_model(changes: dict[str, float], 
     made = judged(Decision("unexplained", "the search's own", 0.0), **changes)
     assert made.verdict == expected
     assert ("unlogged forces or pressures" in made.reason) == (expected == "equivalent")
+
+
+@pytest.mark.parametrize(("usual", "said"), [(0.9, True), (0.2, False)])
+def test_where_a_bent_fit_may_have_made_it_all_that_is_said(usual: float, said: bool) -> None:
+    made = judged(Decision("unexplained", "the search's own", 0.0), share=0.7, usual=usual)
+    assert made.verdict == "unexplained"
+    assert ("do not tell whether it is physics" in made.reason) is said
+
+
+def test_errors_that_are_larger_elsewhere_are_searched_before_anything_is_a_disturbance() -> None:
+    assert left_over().needs_no_search
+    larger = left_over(grown=2.0, by_fit=3.0)
+    assert larger.is_a_disturbance
+    assert not larger.needs_no_search
 
 
 @pytest.mark.parametrize(("verdict", "closure"), [("named", 0.9), ("unexplained", 0.4), ("equivalent", 0.0)])

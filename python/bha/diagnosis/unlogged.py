@@ -14,7 +14,7 @@ Noise that lets an arm ring loses its phase from piece to piece.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +36,8 @@ LEAST_TIME = 30.0
 #: Pieces of a log for the sine.
 QUARTERS = 4
 #: Errors follow something where chance does as much with at most this p, and where it is at least this share of their
-#: square: a plain model of a real arm is never quite right. A greater share than the last, or than errors that follow
-#: nothing have in half of the draws, is never called nothing, though chance may bring it: slow errors are few
-#: independent numbers.
+#: square: a plain model of a real arm is never quite right. A greater share is never called nothing, though chance may
+#: bring it: slow errors are few independent numbers.
 CHANCE, SHARE, OPEN = 0.01, 0.05, 0.3
 #: Share of the errors' square that a sine predicts at most where nothing is missing, share of the excess that the best
 #: effects remove, held-out over training RMS error, and the mean error of a log over the rest of its errors.
@@ -82,12 +81,18 @@ class Unlogged:
     def is_a_disturbance(self) -> bool:
         """Whether errors follow nothing that was logged, as far as they can tell, and are the same in all logs."""
         alike = self.grown < max(MOST_GROWN, self.logged.grown) and self.offset < MOST_OFFSET
-        return alike and not self.follows_something and self.logged.share < max(OPEN, self.logged.usual)
+        return alike and not self.follows_something and self.logged.share < OPEN
+
+    @property
+    def may_be_a_disturbance(self) -> bool:
+        """Whether errors follow much, and those that follow nothing do as much once a fit has bent to them."""
+        return OPEN <= self.logged.share < self.logged.usual and not self.follows_something
 
     @property
     def needs_no_search(self) -> bool:
-        """Whether it is a disturbance, and no candidate comes near to explaining any of it."""
-        return self.is_a_disturbance and self.chance > HINT
+        """Whether it is a disturbance, no candidate comes near to explaining any of it, and it is no larger elsewhere:
+        what only a bent fit explains may be physics as well."""
+        return self.is_a_disturbance and self.chance > HINT and self.grown < MOST_GROWN
 
     def judge(self, decision: Decision, noise: float) -> Decision:
         """The decision; ``equivalent`` where what is unexplained is a disturbance.
@@ -98,7 +103,16 @@ class Unlogged:
             decision: on the search.
             noise: RMS error of a right model on the held-out logs, m.
         """
-        if decision.verdict != "unexplained" or decision.closure >= MOST_REMOVED or not self.is_a_disturbance:
+        if decision.verdict != "unexplained" or decision.closure >= MOST_REMOVED:
+            return decision
+        if self.may_be_a_disturbance:
+            text = (
+                "these logs do not tell whether it is physics: a fit bends to what unlogged forces or pressures do, and "
+                f"what is missed then follows pressures, pose and their past as much with p = {self.logged.chance:.2g}; "
+                "log for longer, and faster motions"
+            )
+            return replace(decision, reason=f"{decision.reason}; {text}")
+        if not self.is_a_disturbance:
             return decision
         text = (
             f"the re-identified plain model leaves {1e3 * self.rms:.2g} mm, {self.rms / noise:.1f} times what the "
