@@ -107,8 +107,9 @@ class Unlogged:
             return decision
         if self.may_be_a_disturbance:
             text = (
-                "these logs do not tell whether it is physics: a fit bends to what unlogged forces or pressures do, and "
-                f"what is missed then follows pressures, pose and their past as much with p = {self.logged.chance:.2g}; "
+                "these logs do not tell whether it is physics: a fit bends to what unlogged forces or pressures do, "
+                "and what is missed then follows pressures, pose and their past as much with p = "
+                f"{self.logged.chance:.2g}; "
                 "log for longer, and faster motions"
             )
             return replace(decision, reason=f"{decision.reason}; {text}")
