@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -98,6 +100,14 @@ def test_a_fit_of_errors_is_that_of_least_squares() -> None:
         wanted = np.concatenate([errors[:160, draw].ravel(), np.zeros(12)])
         change = np.linalg.lstsq(table, wanted, rcond=None)[0]
         assert bent.left(errors)[:, draw] == pytest.approx(errors[:, draw] - bent.slopes @ change)
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_logs_that_are_all_of_one_sort_tell_no_growth(own: bool) -> None:
+    _, bent = fitted(1)
+    alone = replace(bent, own=np.full(320, own))
+    errors = np.random.default_rng(2).standard_normal((320, 5, 3))
+    assert alone.grown(alone.left(errors)).tolist() == [1.0] * 5
 
 
 def test_pieces_are_of_one_log_each_and_about_equal() -> None:

@@ -49,7 +49,9 @@ class Absorption:
         return np.asarray(errors - np.einsum("gck,kd->gdc", self.slopes, change, optimize=True))
 
     def grown(self, left: Array) -> Array:
-        """RMS of what is left on logs held out over that on those of the fit, shape (draws,)."""
+        """RMS of what is left on logs held out over that on those of the fit, shape (draws,); one without either."""
+        if np.all(self.own) or not np.any(self.own):
+            return np.ones(left.shape[1])
         before, after = (np.sqrt(np.mean(left[which] ** 2, axis=(0, 2))) for which in (self.own, ~self.own))
         return np.asarray(after / np.maximum(before, 1e-300))
 

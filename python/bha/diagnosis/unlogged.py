@@ -169,7 +169,7 @@ def unlogged(
     found = [cells_of(r, y, modes, table) for (r, y), table in zip((*logs, *held), tables, strict=True)]
     cells = [own for own in found if own is not None]
     bent = None
-    if slopes is not None:
+    if slopes is not None and cells:
         own = [k < len(logs) for k, part in enumerate(found) if part is not None]
         bent = absorption(problem, fit, [part.slopes for part in cells if part.slopes is not None], own)
     logged = follows(cells, seed, bent)
