@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bha.diagnosis.fit import Fit, Problem, prior_precision
+from bha.diagnosis.fit import Fit, Problem, prior_precision, sensitivities
 from bha.diagnosis.holdout import Holdout, Prediction
 from bha.diagnosis.information import information
 from bha.errors import ConvergenceError
@@ -56,21 +56,14 @@ class Absorption:
         return np.asarray(after / np.maximum(before, 1e-300))
 
 
-def sensitivities(fit: Fit, problem: Problem, states: Sequence[Array]) -> list[Array] | None:
-    """How what a model shows of each log changes with its coordinates, (rows, C, K); None where it runs away."""
-    model = fit.model.on(problem.records)
+def slopes_on(problem: Problem, fit: Fit, holdout: Holdout, prediction: Prediction) -> tuple[Array, ...] | None:
+    """The sensitivities of a model on the logs of its fit and on those held out, one after the other; None for none."""
     try:
-        return [by_x for _, by_x, _ in model.linearize(fit.x, problem.windows, np.stack(states), by_states=False)]
+        own = sensitivities(problem, fit, fit.states)
+        found = (*own, *sensitivities(holdout.problem, fit, prediction.states))
     except ConvergenceError:
         return None
-
-
-def slopes_on(problem: Problem, fit: Fit, holdout: Holdout, prediction: Prediction) -> list[Array] | None:
-    """The sensitivities of a model on the logs of its fit and on those held out, one after the other; None for none."""
-    own = sensitivities(fit, problem, fit.states)
-    other = sensitivities(fit, holdout.problem, prediction.states)
-    found = None if own is None or other is None else [*own, *other]
-    return found if found is not None and all(np.all(np.isfinite(table)) for table in found) else None
+    return found if all(np.all(np.isfinite(table)) for table in found) else None
 
 
 def absorption(problem: Problem, fit: Fit, slopes: Sequence[Array], own: Sequence[bool]) -> Absorption:

@@ -245,6 +245,19 @@ def state_columns(problem: Problem, fit: Fit) -> tuple[Array, ...]:
     return tuple(flat(table) for table in found)
 
 
+def sensitivities(
+    problem: Problem, fit: Fit, states: Sequence[Array], which: Sequence[int] | None = None
+) -> tuple[Array, ...]:
+    """How what a model shows of each log changes with its coordinates ``which`` (all if None), (rows, C, K), not white.
+
+    Raises:
+        ConvergenceError: a simulation of the model fails.
+    """
+    model = fit.model.on(problem.records)
+    shown = model.linearize(fit.x, problem.windows, np.stack(states), which=which, by_states=False)
+    return tuple(by_x for _, by_x, _ in shown)
+
+
 def with_sensitivities(problem: Problem, fit: Fit) -> Fit:
     """The fit with all its sensitivities."""
     own = problem.of(fit.model)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from bha.diagnosis.days import OF_A_SESSION, Day, day_of, on_days
-from bha.diagnosis.fit import Fit, Problem, columns, evaluate, state_columns
+from bha.diagnosis.fit import Fit, Problem, columns, evaluate, sensitivities, state_columns
 from bha.diagnosis.model import of_sensors
 from bha.diagnosis.where import block_edges
 from bha.errors import ConvergenceError
@@ -171,9 +171,7 @@ class Holdout:
         """
         if self._changes is None:
             which = [k for k, c in enumerate(fit.model.plain) if paths.key_of(c.path) in OF_A_SESSION]
-            model, windows = fit.model.on(self.problem.records), self.problem.windows
-            shown = model.linearize(fit.x, windows, np.stack(states), which=which, by_states=False)
-            self._changes = tuple(by_x for _, by_x, _ in shown)
+            self._changes = sensitivities(self.problem, fit, states, which)
         eyes = (np.tile(np.eye(own.shape[1]), (len(own), 1, 1)) for own in self._changes)
         tables = tuple(np.concatenate(both, axis=2) for both in zip(eyes, self._changes, strict=True))
         return Holdout(self.problem, self._states, self.readings, blocks=self.blocks, sessions=tables)

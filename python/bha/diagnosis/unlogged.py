@@ -109,8 +109,7 @@ class Unlogged:
             text = (
                 "these logs do not tell whether it is physics: a fit bends to what unlogged forces or pressures do, "
                 "and what is missed then follows pressures, pose and their past as much with p = "
-                f"{self.logged.chance:.2g}; "
-                "log for longer, and faster motions"
+                f"{self.logged.chance:.2g}; log for longer, and faster motions"
             )
             return replace(decision, reason=f"{decision.reason}; {text}")
         if not self.is_a_disturbance:
@@ -165,7 +164,7 @@ def unlogged(
     before, after = (_scatter(part) for part in (logs, held))
     modes = modes_of(fit)
     slopes = slopes_on(problem, fit, holdout, prediction)
-    tables = slopes if slopes is not None else [None] * (len(logs) + len(held))
+    tables = slopes or [None] * (len(logs) + len(held))
     found = [cells_of(r, y, modes, table) for (r, y), table in zip((*logs, *held), tables, strict=True)]
     cells = [own for own in found if own is not None]
     bent = None

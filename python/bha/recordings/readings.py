@@ -69,9 +69,8 @@ class Readings:
         if not self.outputs:
             return
         stopped = {span for fact in self.facts for span in fact.dropouts}
-        least = np.array([_CHANGE * max(fact.noise, fact.quantum) for fact in self.pressure_facts])
-        if self.pressures.sort == "commanded":
-            least = np.zeros(len(least))
+        times = 0.0 if self.pressures.sort == "commanded" else _CHANGE
+        least = np.array([times * max(fact.noise, fact.quantum) for fact in self.pressure_facts])
         first = hung.hangs_from(self.time, self.measured, self._raw, least, stopped)
         if first is None:
             return

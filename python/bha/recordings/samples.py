@@ -296,10 +296,9 @@ def _spikes(values: Array, noise: float) -> NDArray[np.intp]:
     padded = np.full(blocks * size, step[-1])
     padded[: count - 1] = step
     typical = np.quantile(padded.reshape(blocks, size), 0.75, axis=1)
-    around = np.maximum(typical, np.maximum(np.roll(typical, 1), np.roll(typical, -1)))
     travel = float(np.subtract(*np.quantile(values, [0.98, 0.02])))
     floor = max(SPIKE_NOISES * noise, SPIKE_TRAVEL * travel)
-    least = np.maximum(SPIKE_CHANGES * np.repeat(around, size)[:count], floor)
+    least = np.maximum(SPIKE_CHANGES * _greatest_nearby(typical, size)[:count], floor)
     found = np.zeros(count, dtype=np.bool_)
     signed = np.diff(values)
     for k in np.flatnonzero(step > least[:-1]):
@@ -360,5 +359,9 @@ def _typical_nearby(misses: Array, suspects: NDArray[np.intp]) -> Array:
     out = np.pad(touched, (0, blocks * block - count), mode="edge").reshape(blocks, block)
     out &= out.mean(axis=1, keepdims=True) <= 1.0 - LONE_LEFT
     typical = np.nanmedian(np.where(out, np.nan, padded), axis=1)
-    around = np.maximum(typical, np.maximum(np.roll(typical, 1), np.roll(typical, -1)))
-    return np.repeat(around, block)[:count]
+    return _greatest_nearby(typical, block)[:count]
+
+
+def _greatest_nearby(typical: Array, block: int) -> Array:
+    """What is typical of blocks of so many readings, or of a neighbour where that is more, for each reading."""
+    return np.repeat(np.maximum(typical, np.maximum(np.roll(typical, 1), np.roll(typical, -1))), block)
